@@ -1,0 +1,16 @@
+"""What can go wrong, named so that a person, a script and an HTTP client can each act on it."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """The input cannot be used. The message names the cause in one line.
+
+    `code` is a stable slug such as ``"unreadable-image"``; `pointer` names the offending part of the
+    input where there is one (``"image 'a.png' polygon 3, line 41"``).
+    """
+
+    def __init__(self, message: str, *, code: str, pointer: str | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        self.pointer = pointer

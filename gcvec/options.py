@@ -1,0 +1,42 @@
+"""The settings of one vectorization, the same on the command line and over HTTP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from gcvec.errors import InputError
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a picture is vectorized.
+
+    `target_mse` is the mean squared error of the whole picture on the 0-255 scale at which refinement stops;
+    `max_points` bounds the interior control points of one region, 0 lifts the bound; `workers` is the
+    number of threads, 0 for one a core; `regions` is the number of automatic regions wanted when there are no
+    annotations, 0 lets the picture decide.
+    """
+
+    strategy: Literal["batch", "paper"] = "batch"
+    target_mse: float = 5.0
+    max_points: int = 2000
+    workers: int = 0
+    regions: int = 0
+
+    def __post_init__(self) -> None:
+        if self.strategy not in ("batch", "paper"):
+            raise InputError(
+                f"strategy must be 'batch' or 'paper', not {self.strategy!r}",
+                code="bad-option",
+                pointer="strategy",
+            )
+        if not 0 < self.target_mse < 65025:
+            raise InputError(
+                f"target_mse must lie between 0 and 65025, not {self.target_mse}",
+                code="bad-option",
+                pointer="target_mse",
+            )
+        for name in ("max_points", "workers", "regions"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} must not be negative", code="bad-option", pointer=name)
