@@ -1,0 +1,261 @@
+"""Cubic B-splines with uniform knots (paper, equations (3) to (5)).
+
+A curve of m segments runs over u in [0, m]. An open one is clamped (knots 0,0,0,0,1,...,m,m,m,m; m + 3 control points,
+the first and last interpolated); a closed one is periodic (m control points, C2 everywhere).
+Every function works on the local form of the basis: the index of the first of the four control points that
+matter at u, and their four weights.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def _knot(i, m, closed):
+    k = i - 3
+    if closed:
+        return float(k)
+    return float(min(max(k, 0), m))
+
+
+@njit(cache=True, nogil=True)
+def _weights(u, m, closed, out):
+    """Cox-de Boor at one parameter; returns the segment, fills the four weights."""
+    segment = min(max(int(np.floor(u)), 0), m - 1)
+    left = np.empty(4)
+    right = np.empty(4)
+    out[0] = 1.0
+    for j in range(1, 4):
+        left[j] = u - _knot(segment + 4 - j, m, closed)
+        right[j] = _knot(segment + 3 + j, m, closed) - u
+        saved = 0.0
+        for r in range(j):
+            ratio = out[r] / (right[r + 1] + left[j - r])
+            out[r] = saved + right[r + 1] * ratio
+            saved = left[j - r] * ratio
+        out[j] = saved
+    return segment
+
+
+@njit(cache=True, nogil=True)
+def _basis(u, m, closed):
+    n_control = m if closed else m + 3
+    index = np.empty((len(u), 4), np.int64)
+    weight = np.empty((len(u), 4))
+    for j in range(len(u)):
+        segment = _weights(u[j], m, closed, weight[j])
+        for k in range(4):
+            index[j, k] = (segment + k) % n_control
+    return index, weight
+
+
+@njit(cache=True, nogil=True)
+def _evaluate(control, index, weight):
+    out = np.zeros((len(index), control.shape[1]))
+    for j in range(len(index)):
+        for k in range(4):
+            for c in range(control.shape[1]):
+                out[j, c] += weight[j, k] * control[index[j, k], c]
+    return out
+
+
+def basis(u: Floats, segments: int, closed: bool = False) -> tuple[NDArray[np.int64], Floats]:
+    """Indices and weights, each `(n, 4)`, of the control points that make up the curve at parameters `u`."""
+    index, weight = _basis(np.ascontiguousarray(u, np.float64), segments, closed)
+    return index, weight
+
+
+def segments_of(control: Floats, closed: bool) -> int:
+    """Number of segments of the curve with these control points."""
+    return len(control) if closed else len(control) - 3
+
+
+def evaluate(control: Floats, u: Floats, closed: bool = False) -> Floats:
+    """Points `(n, d)` of the curve with control points `(k, d)` at parameters `u`."""
+    index, weight = basis(u, segments_of(control, closed), closed)
+    points: Floats = _evaluate(np.ascontiguousarray(control, np.float64), index, weight)
+    return points
+
+
+@njit(cache=True, nogil=True)
+def _chord_length(samples, m):
+    u = np.zeros(len(samples))
+    for j in range(1, len(samples)):
+        dx = samples[j, 0] - samples[j - 1, 0]
+        dy = samples[j, 1] - samples[j - 1, 1]
+        u[j] = u[j - 1] + np.sqrt(dx * dx + dy * dy)
+    if u[-1] > 0:
+        u *= m / u[-1]
+    return u
+
+
+@njit(cache=True, nogil=True)
+def _lspia(samples, index, weight, control, n_fixed_ends, iterations, tolerance):
+    """LSPIA sweeps in place: each control point moves by the weighted mean of its samples' residuals, eq. (4), (5).
+
+    Stops early once no control point moves by more than `tolerance`. The column sums of the basis bound the step, which is
+    what makes the iteration converge to the least-squares fit (Deng and Lin 2014).
+    """
+    n_control, d = control.shape
+    mass = np.zeros(n_control)
+    for j in range(len(samples)):
+        for k in range(4):
+            mass[index[j, k]] += weight[j, k]
+    shift = np.empty((n_control, d))
+    residual = np.empty(d)
+    for _ in range(iterations):
+        shift[:] = 0.0
+        for j in range(len(samples)):
+            for c in range(d):
+                residual[c] = samples[j, c]
+                for k in range(4):
+                    residual[c] -= weight[j, k] * control[index[j, k], c]
+            for k in range(4):
+                for c in range(d):
+                    shift[index[j, k], c] += weight[j, k] * residual[c]
+        largest = 0.0
+        for i in range(n_fixed_ends, n_control - n_fixed_ends):
+            if mass[i] > 0:
+                for c in range(d):
+                    step = shift[i, c] / mass[i]
+                    control[i, c] += step
+                    largest = max(largest, abs(step))
+        if largest < tolerance:
+            break
+
+
+@njit(cache=True, nogil=True)
+def _initial_polygon(samples, u, m, closed):
+    """Samples at the Greville abscissae: where each control point has most weight."""
+    n_control = m if closed else m + 3
+    control = np.empty((n_control, samples.shape[1]))
+    for i in range(n_control):
+        if closed:
+            g = float((i - 1) % m)
+        else:
+            g = (_knot(i + 1, m, False) + _knot(i + 2, m, False) + _knot(i + 3, m, False)) / 3.0
+        j = min(max(np.searchsorted(u, g), 1), len(u) - 1)
+        span = u[j] - u[j - 1]
+        t = (g - u[j - 1]) / span if span > 0 else 0.0
+        control[i] = (1 - t) * samples[j - 1] + t * samples[j]
+    return control
+
+
+@njit(cache=True, nogil=True)
+def _fit(samples, m, closed, iterations, tolerance):
+    u = _chord_length(samples, float(m))
+    control = _initial_polygon(samples, u, m, closed)
+    index, weight = _basis(u, m, closed)
+    _lspia(samples, index, weight, control, 0 if closed else 1, iterations, tolerance)
+    if not closed:
+        control[0] = samples[0]
+        control[-1] = samples[-1]
+    deviation = 0.0
+    points = _evaluate(control, index, weight)
+    for j in range(len(samples)):
+        square = 0.0
+        for c in range(samples.shape[1]):
+            square += (points[j, c] - samples[j, c]) ** 2
+        deviation = max(deviation, square)
+    return control, np.sqrt(deviation)
+
+
+@njit(cache=True, nogil=True)
+def _fit_within(samples, m, largest_m, closed, distance):
+    while True:
+        control, deviation = _fit(samples, m, closed, 40, 1e-3)
+        if deviation <= distance or m >= largest_m:
+            return control
+        m = min(max(m + 1, (5 * m) // 4), largest_m)
+
+
+def fit(samples: Floats, segments: int, closed: bool = False, iterations: int = 1000) -> Floats:
+    """Control points of the least-squares curve through `samples` by PIA, equations (4) and (5).
+
+    `samples` is `(n, d)` in order, chord-length parametrised; an open curve interpolates its first and last
+    sample, a closed one expects the first sample repeated at the end.
+    """
+    control, _ = _fit(np.ascontiguousarray(samples, np.float64), segments, closed, iterations, 1e-12)
+    return np.asarray(control)
+
+
+def fit_within(samples: Floats, distance: float, segments: int = 1, closed: bool = False) -> Floats:
+    """Control points of a curve with few segments, at least `segments`, that stays within `distance` of every sample.
+
+    Where even a curve with as many segments as samples does not come that close, that curve is returned.
+    """
+    fewest = 3 if closed else 1
+    most = max(len(samples) - 1, fewest)
+    start = min(max(segments, fewest), most)
+    return np.asarray(_fit_within(np.ascontiguousarray(samples, np.float64), start, most, closed, distance))
+
+
+@njit(cache=True, nogil=True)
+def _blossom(control, u, v, w, closed, out):
+    m = len(control) if closed else len(control) - 3
+    mean = (u + v + w) / 3
+    if closed and mean < 0:
+        u, v, w, mean = u + m, v + m, w + m, mean + m
+    segment = min(max(int(np.floor(mean)), 0), m - 1)
+    local = np.empty(4)
+    for c in range(control.shape[1]):
+        for k in range(4):
+            local[k] = control[(segment + k) % len(control), c]
+        for level in range(1, 4):
+            x = u if level == 1 else v if level == 2 else w
+            for k in range(4 - level):
+                a, b = _knot(segment + k + level, m, closed), _knot(segment + k + 4, m, closed)
+                t = (x - a) / (b - a)
+                local[k] = (1 - t) * local[k] + t * local[k + 1]
+        out[c] = local[0]
+
+
+@njit(cache=True, nogil=True)
+def _refine(control, closed):
+    m = len(control) if closed else len(control) - 3
+    n = 2 * m if closed else 2 * m + 3
+    out = np.empty((n, control.shape[1]))
+    for i in range(n):
+        u, v, w = _knot(i + 1, 2 * m, closed), _knot(i + 2, 2 * m, closed), _knot(i + 3, 2 * m, closed)
+        _blossom(control, u / 2, v / 2, w / 2, closed, out[i])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _bezier(control, closed):
+    m = len(control) if closed else len(control) - 3
+    out = np.empty((m, 4, control.shape[1]))
+    for s in range(m):
+        a, b = float(s), float(s + 1)
+        _blossom(control, a, a, a, closed, out[s, 0])
+        _blossom(control, a, a, b, closed, out[s, 1])
+        _blossom(control, a, b, b, closed, out[s, 2])
+        _blossom(control, b, b, b, closed, out[s, 3])
+    return out
+
+
+def refine(control: Floats, closed: bool = False) -> Floats:
+    """The same curve with every segment cut in half by knot insertion (Boehm); u doubles.
+
+    Exact: `evaluate(refine(P), 2 u) == evaluate(P, u)`. The new control points are values of the curve's blossom at
+    triples of new knots (Ramshaw 1989).
+    """
+    return np.asarray(_refine(np.ascontiguousarray(control, np.float64), closed))
+
+
+def bezier(control: Floats, closed: bool = False) -> Floats:
+    """Bézier control points `(m, 4, d)` of the m segments, the exact conversion by knot insertion."""
+    return np.asarray(_bezier(np.ascontiguousarray(control, np.float64), closed))
+
+
+def second_derivative_at_knots(control: Floats, closed: bool = False) -> Floats:
+    """C'' at the knots 0..m, `(m + 1, d)`; it is linear between them."""
+    corners = bezier(control, closed)
+    after = 6 * (corners[:, 0] - 2 * corners[:, 1] + corners[:, 2])
+    last = 6 * (corners[-1:, 1] - 2 * corners[-1:, 2] + corners[-1:, 3])
+    return np.concatenate([after, last])

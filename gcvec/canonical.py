@@ -1,0 +1,108 @@
+"""From what a file stores to the mesh that a picture is defined on.
+
+The recipe is deterministic: boundary samples from the curves, jittered control points, graded free points, their constrained Delaunay
+triangulation, and equations (1) and (2) on it. Fit, error, rendering and export all start here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gcvec.boundary import Network
+from gcvec.color_space import ColorSpace, color_space
+from gcvec.domain import FINEST_LEVEL, raise_levels
+from gcvec.drawing import Drawing, draw, folded
+from gcvec.mesh import Mesh, build_mesh
+from gcvec.patch import Blend, Geometry, blend, geometry
+from gcvec.raster import Coverage
+from gcvec.samples import BoundarySamples, boundary_samples
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """Everything that stays the same while control points are added: curves, samples, S and the boundary unknowns.
+
+    `control_points` `(c, 2)` are those of all curves; they differ from the network's own after an edit, which moves
+    the picture but leaves the parameter domains alone.
+    """
+
+    network: Network
+    hard: NDArray[np.bool_]
+    samples: BoundarySamples
+    geometry: Geometry
+    space: ColorSpace
+    control_points: Floats
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """The canonical mesh of a foundation with some control points, and how the unknown colours reach it.
+
+    `places` `(v - n_samples, 2)` are the interior vertices in the image.
+    """
+
+    foundation: Foundation
+    mesh: Mesh
+    blend: Blend
+    places: Floats
+
+    def drawing(self, scale: float = 1.0) -> Drawing:
+        f = self.foundation
+        return draw(f.network, f.samples, f.control_points, self.mesh, self.places, scale)
+
+    def operator(self, drawing: Drawing) -> tuple[sparse.csr_array, Ints]:
+        """R from unknowns to colours, and which colour each corner of the drawing's triangles has."""
+        f = self.foundation
+        return f.space.operator(f.network, drawing, self.mesh, self.blend)
+
+    def coverage(self, drawing: Drawing) -> Coverage:
+        network = self.foundation.network
+        return Coverage(drawing.image, drawing.triangles, network.width, network.height)
+
+    def foldovers(self) -> Ints:
+        """Triangles of the mesh that S turns over."""
+        f = self.foundation
+        on_curves = np.einsum("nk,nkd->nd", f.samples.weight, f.control_points[f.samples.control])
+        return folded(np.concatenate([on_curves, self.places]), self.mesh.triangles)
+
+
+def lay_foundation(
+    network: Network, hard: NDArray[np.bool_], control_points: Floats | None = None
+) -> Foundation:
+    """The foundation of a network whose levels are final."""
+    samples = boundary_samples(network)
+    reference = np.concatenate([c.control_points for c in network.curves])
+    moved = reference if control_points is None else control_points
+    return Foundation(
+        network, hard, samples, geometry(network, samples, moved), color_space(network, hard), moved
+    )
+
+
+def lay_unfolded_foundation(network: Network, hard: NDArray[np.bool_]) -> Foundation:
+    """The foundation after parameter polygons have been drawn closer to the curves wherever S folded over.
+
+    In the limit the polygons are the sampled curves and S is the identity, so this ends.
+    """
+    while True:
+        foundation = lay_foundation(network, hard)
+        mesh = foundation.geometry.mesh
+        corners = mesh.triangles[folded(foundation.geometry.image, mesh.triangles)]
+        touched = np.unique(foundation.samples.curve[corners[corners < mesh.n_samples]])
+        coarse = [c for c in touched if c >= 0 and network.curves[c].level < FINEST_LEVEL]
+        if not coarse:
+            return foundation
+        network = raise_levels(network, coarse)
+
+
+def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:
+    """Mesh and blend with control points at pixels `points` `(n, 2)` of the parameter domain."""
+    mesh = build_mesh(foundation.network, foundation.samples, points)
+    places = foundation.geometry.to_image(mesh.vertices[mesh.n_samples :])
+    return Canvas(foundation, mesh, blend(foundation.network, foundation.samples, mesh), places)

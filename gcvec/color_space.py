@@ -1,0 +1,124 @@
+"""The unknown colours of a picture, and the operator that takes them to the corners of drawn triangles.
+
+Unknowns, in this order: one colour for every patch at every node; the inner control points of every curve, one set on a soft
+curve, two on a hard one; the interior control points. At a node the two patches beside a soft curve share their colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from gcvec.boundary import Network
+from gcvec.drawing import Drawing
+from gcvec.mesh import Mesh
+from gcvec.patch import Blend
+from gcvec.planar_graph import OUTSIDE
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+RIGHT, LEFT = 0, 1
+
+
+@dataclass(frozen=True)
+class ColorSpace:
+    """Numbering of the boundary colours of a network.
+
+    size       number of boundary unknowns
+    of_control (2, c) unknown of every control point of every curve, for the right and the left side; -1 outside the image
+    node_keys  (k,) sorted `node * n_patches + patch`
+    of_node    (k,) unknown of each of them
+    """
+
+    size: int
+    of_control: Ints
+    node_keys: Ints
+    of_node: Ints
+    n_patches: int
+
+    def operator(
+        self, network: Network, drawing: Drawing, mesh: Mesh, blend: Blend
+    ) -> tuple[sparse.csr_array, Ints]:
+        """R `(n, unknowns)` from unknowns to colours, and which colour `(t, 3)` each corner of a triangle has.
+
+        The colours are those of the control points, of the free vertices, and of every pair of boundary vertex and
+        patch in use.
+        """
+        left = np.array([c.left for c in network.curves])
+        index, vertex, patch = self._corners(drawing)
+        curve = drawing.curve[vertex]
+        side = np.where(left[curve] == patch, LEFT, RIGHT)
+        boundary = self.of_control[side[:, None], drawing.control[vertex]]
+        at_node = curve < 0
+        key = vertex[at_node] * self.n_patches + patch[at_node]
+        boundary[at_node] = self.of_node[np.searchsorted(self.node_keys, key)][:, None]
+
+        patch_of = np.zeros(len(mesh.vertices), np.int64)
+        patch_of[mesh.triangles] = mesh.patch[:, None]
+        free = blend.boundary.tocoo()
+        owner = np.repeat(np.arange(len(network.curves)), [len(c.control_points) for c in network.curves])
+        free_side = np.where(left[owner[free.col]] == patch_of[mesh.first_free + free.row], LEFT, RIGHT)
+        free_points = blend.points.tocoo()
+
+        n_points, n_free = mesh.n_points, len(mesh.vertices) - mesh.first_free
+        own = np.arange(n_points)
+        rows = [own, n_points + free.row, n_points + free_points.row]
+        columns = [self.size + own, self.of_control[free_side, free.col], self.size + free_points.col]
+        values = [np.ones(n_points), free.data, free_points.data]
+        rows.append(np.repeat(n_points + n_free + np.arange(len(vertex)), 4))
+        columns.append(boundary.ravel())
+        values.append(drawing.weight[vertex].ravel())
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        shape = (n_points + n_free + len(vertex), self.size + n_points)
+        return sparse.coo_array(entries, shape=shape).tocsr(), index
+
+    def _corners(self, drawing: Drawing) -> tuple[Ints, Ints, Ints]:
+        """Colours of the corners, and the boundary vertex and patch of each colour beyond the interior ones."""
+        corner = drawing.triangles
+        interior = (corner >= drawing.n_samples) & (corner < drawing.n_vertices)
+        index = np.where(interior, corner - drawing.n_samples, 0)
+        patch = np.broadcast_to(drawing.patch[:, None], corner.shape)[~interior]
+        keys = drawing.boundary_index(corner[~interior]) * self.n_patches + patch
+        unique, inverse = np.unique(keys, return_inverse=True)
+        index[~interior] = drawing.n_vertices - drawing.n_samples + inverse
+        return index, unique // self.n_patches, unique % self.n_patches
+
+
+def color_space(network: Network, hard: NDArray[np.bool_]) -> ColorSpace:
+    """Number the boundary colours of a network whose curves are `hard` `(c,)` or soft."""
+    n_patches = len(network.loops)
+    keys, ties = [], []
+    for curve, is_hard in zip(network.curves, hard, strict=True):
+        sides = [p for p in (curve.right, curve.left) if p != OUTSIDE]
+        for node in () if curve.closed else (curve.start, curve.end):
+            at = [node * n_patches + p for p in sides]
+            keys += at
+            if not is_hard and len(at) == 2:
+                ties.append(at)
+    node_keys = np.unique(np.array(keys, np.int64))
+    tie = np.searchsorted(node_keys, np.array(ties, np.int64).reshape(-1, 2))
+    graph = sparse.coo_array((np.ones(len(tie)), tuple(tie.T)), shape=(len(node_keys),) * 2)
+    size, of_node = csgraph.connected_components(graph, directed=False)
+
+    offsets = np.concatenate([[0], np.cumsum([len(c.control_points) for c in network.curves])])
+    of_control = np.full((2, offsets[-1]), -1, np.int64)
+    for c, (curve, is_hard) in enumerate(zip(network.curves, hard, strict=True)):
+        inner = slice(offsets[c] + (not curve.closed), offsets[c + 1] - (not curve.closed))
+        n_inner = inner.stop - inner.start
+        for side, patch in ((RIGHT, curve.right), (LEFT, curve.left)):
+            if patch == OUTSIDE:
+                continue
+            if side == LEFT and curve.right != OUTSIDE and not is_hard:
+                of_control[LEFT, inner] = of_control[RIGHT, inner]
+            else:
+                of_control[side, inner] = np.arange(size, size + n_inner)
+                size += n_inner
+            if not curve.closed:
+                ends = np.searchsorted(node_keys, np.array([curve.start, curve.end]) * n_patches + patch)
+                of_control[side, [offsets[c], offsets[c + 1] - 1]] = of_node[ends]
+    return ColorSpace(size, of_control, node_keys, of_node.astype(np.int64), n_patches)

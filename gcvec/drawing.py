@@ -1,0 +1,177 @@
+"""The canonical mesh, taken to the image and tessellated as finely as a rendering needs.
+
+Straight mesh edges along a curve are replaced by polylines on the curve, flat to a tolerance. Both sides share them, so neighbours meet
+without gap or overlap at every scale; the mesh on which the coordinates were solved stays as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec import bspline
+from gcvec.boundary import Network
+from gcvec.mesh import Mesh
+from gcvec.samples import BoundarySamples
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FLATNESS = 0.05
+"""Largest distance between a drawn polyline and its curve, output pixels."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Triangles in the image whose corners know where their colours come from.
+
+    image      (v, 2) float64, pixels: the mesh's vertices, then tessellation points on the curves
+    triangles  (t, 3) int64
+    patch      (t,) int64
+    curve      (b,) curve of each boundary vertex, -1 for nodes: samples first, then tessellation points
+    control    (b, 4) control points, numbered through all curves, that make up a boundary vertex
+    weight     (b, 4)
+    n_samples, n_vertices  how the vertices divide: samples, interior vertices of the mesh, tessellation points
+    """
+
+    image: Floats
+    triangles: Ints
+    patch: Ints
+    curve: Ints
+    control: Ints
+    weight: Floats
+    n_samples: int
+    n_vertices: int
+
+    def boundary_index(self, vertices: Ints) -> Ints:
+        """Row in `curve`, `control` and `weight` of boundary vertices."""
+        return np.where(vertices < self.n_samples, vertices, vertices - self.n_vertices + self.n_samples)
+
+
+def draw(
+    network: Network,
+    samples: BoundarySamples,
+    control_points: Floats,
+    mesh: Mesh,
+    interior: Floats,
+    scale: float = 1.0,
+) -> Drawing:
+    """Tessellate the mesh for output at `scale`.
+
+    `control_points` `(c, 2)` are those of all curves, `interior` `(v - n_samples, 2)` the places of the interior vertices.
+    """
+    on_curve = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
+    pieces = _pieces(network, samples, control_points, FLATNESS / scale)
+    while True:
+        cut = np.flatnonzero(pieces > 1)
+        extra = _extra_parameters(samples, cut, pieces[cut])
+        curve, control, weight = _extra_samples(network, samples, np.repeat(cut, pieces[cut] - 1), extra)
+        first = len(mesh.vertices) + np.cumsum(pieces[cut] - 1) - (pieces[cut] - 1)
+        triangles, patch = _fan(mesh, samples.segments[cut], first, pieces[cut] - 1)
+        between = np.einsum("nk,nkd->nd", weight, control_points[control])
+        image = np.concatenate([on_curve, interior, between])
+        # Where the polyline would turn a triangle of the fan over, the segment is drawn as its chord.
+        corners = triangles[folded(image, triangles)]
+        added = corners[corners >= len(mesh.vertices)]
+        if not len(added):
+            break
+        pieces[cut[np.searchsorted(first, added, side="right") - 1]] = 1
+    return Drawing(
+        image,
+        triangles,
+        patch,
+        np.concatenate([samples.curve, curve]),
+        np.concatenate([samples.control, control]),
+        np.concatenate([samples.weight, weight]),
+        len(samples),
+        len(mesh.vertices),
+    )
+
+
+def folded(image: Floats, triangles: Ints) -> Ints:
+    """Triangles `(t, 3)` that S turned over or flattened: the fold-over certificate wants none."""
+    a, b, c = (image[triangles[:, k]] for k in range(3))
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    return np.flatnonzero(ux * vy - uy * vx <= 0)
+
+
+def _pieces(network: Network, samples: BoundarySamples, control_points: Floats, flatness: float) -> Ints:
+    """Into how many pieces each boundary segment is cut: |C''| du^2 / 8 bounds a chord's distance."""
+    pieces = np.ones(len(samples.segments), np.int64)
+    starts = np.searchsorted(samples.segment_curve, np.arange(len(network.curves) + 1))
+    for c, curve in enumerate(network.curves):
+        if curve.on_frame and np.array_equal(
+            control_points[samples.offsets[c] : samples.offsets[c + 1]], curve.control_points
+        ):
+            continue
+        control = control_points[samples.offsets[c] : samples.offsets[c + 1]]
+        bend = np.hypot(*bspline.second_derivative_at_knots(control, curve.closed).T)
+        of_curve = slice(starts[c], starts[c + 1])
+        u = samples.segment_u[of_curve]
+        span = np.minimum(u[:, 0].astype(np.int64), curve.segments - 1)
+        bound = np.maximum(bend[span], bend[span + 1]) * (u[:, 1] - u[:, 0]) ** 2 / 8
+        pieces[of_curve] = np.maximum(np.ceil(np.sqrt(bound / flatness)), 1)
+    return pieces
+
+
+def _extra_parameters(samples: BoundarySamples, cut: Ints, pieces: Ints) -> Floats:
+    within = np.arange((pieces - 1).sum()) - np.repeat(np.cumsum(pieces - 1) - (pieces - 1), pieces - 1) + 1
+    u = np.repeat(samples.segment_u[cut], pieces - 1, axis=0)
+    return np.asarray(u[:, 0] + (u[:, 1] - u[:, 0]) * within / np.repeat(pieces, pieces - 1))
+
+
+def _extra_samples(
+    network: Network, samples: BoundarySamples, segment: Ints, u: Floats
+) -> tuple[Ints, Ints, Floats]:
+    curve = samples.segment_curve[segment]
+    control, weight = np.zeros((len(u), 4), np.int64), np.zeros((len(u), 4))
+    for c in np.unique(curve):
+        at = curve == c
+        index, weight[at] = bspline.basis(u[at], network.curves[c].segments, network.curves[c].closed)
+        control[at] = samples.offsets[c] + index
+    return curve, control, weight
+
+
+def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, Ints]:
+    """Triangles with their edges along `segments` replaced by the polylines through `count` points from `first`.
+
+    A triangle with such an edge becomes a fan about the opposite corner. One with several is fanned once for each: after
+    the first pass each further edge belongs to just one triangle of the fan.
+    """
+    triangles, patch = mesh.triangles, mesh.patch
+    if not len(segments):
+        return triangles, patch
+    n = len(mesh.vertices)
+    keys = np.concatenate([segments[:, 0] * n + segments[:, 1], segments[:, 1] * n + segments[:, 0]])
+    order = np.argsort(keys)
+    keys = keys[order]
+    which, forward = order % len(segments), order < len(segments)
+    todo = np.ones(len(triangles), bool)
+    for _ in range(3):
+        edges = triangles * n + np.roll(triangles, -1, axis=1)
+        at = np.minimum(np.searchsorted(keys, edges), len(keys) - 1)
+        hit = (keys[at] == edges) & todo[:, None]
+        corner = hit.argmax(axis=1)
+        fanned = np.flatnonzero(hit.any(axis=1))
+        if not len(fanned):
+            break
+        rows = np.arange(len(triangles))[fanned]
+        k = corner[fanned]
+        at = at[rows, k]
+        a, b, apex = triangles[rows, k], triangles[rows, (k + 1) % 3], triangles[rows, (k + 2) % 3]
+        number = count[which[at]]
+        owner = np.repeat(np.arange(len(rows)), number + 1)
+        step = np.arange(len(owner)) - np.repeat(np.cumsum(number + 1) - (number + 1), number + 1)
+        along = np.where(forward[at][owner], step, number[owner] - step)
+        point = first[which[at]][owner] + along
+        start = np.where(step == 0, a[owner], point - np.where(forward[at][owner], 1, 0))
+        end = np.where(step == number[owner], b[owner], point - np.where(forward[at][owner], 0, 1))
+        new = np.stack([start, end, apex[owner]], axis=1)
+        keep = np.ones(len(triangles), bool)
+        keep[rows] = False
+        triangles = np.concatenate([triangles[keep], new])
+        patch = np.concatenate([patch[keep], patch[rows][owner]])
+        todo = np.concatenate([np.zeros(keep.sum(), bool), np.ones(len(new), bool)])
+    return triangles, patch

@@ -1,0 +1,71 @@
+"""Harmonic coordinates on a triangle mesh (paper, section 3.1; Joshi et al. 2007).
+
+The Laplacian is the P1 cotangent Laplacian. Boundary samples and control points carry Dirichlet rows; the other vertices are
+free, and on a constrained Delaunay mesh the discrete maximum principle keeps every coordinate in [0, 1].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import linalg
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def cotangent_laplacian(vertices: Floats, triangles: Ints) -> sparse.csr_array:
+    """Stiffness matrix `(v, v)` of linear elements: symmetric, rows sum to 0, exact for linear functions.
+
+    `vertices` is `(v, 2)`, `triangles` `(t, 3)` of positive area.
+    """
+    n = len(vertices)
+    corner = vertices[triangles]
+    rows, columns, values = [], [], []
+    for k in range(3):
+        i, j = triangles[:, (k + 1) % 3], triangles[:, (k + 2) % 3]
+        a = corner[:, (k + 1) % 3] - corner[:, k]
+        b = corner[:, (k + 2) % 3] - corner[:, k]
+        half_cotangent = (a * b).sum(axis=1) / (2 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+        rows += [i, j, i, j]
+        columns += [j, i, i, j]
+        values += [-half_cotangent, -half_cotangent, half_cotangent, half_cotangent]
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return sparse.coo_array(entries, shape=(n, n)).tocsr()
+
+
+def harmonic_extension(laplacian: sparse.csr_array, free: Ints, fixed: Ints, values: Floats) -> Floats:
+    """Values `(f, k)` at the vertices `free` of the k harmonic functions that take `values` `(d, k)` at `fixed`."""
+    if not len(free):
+        return np.zeros((0, values.shape[1]))
+    rows = laplacian[free]
+    factor = linalg.splu(
+        rows[:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    return np.asarray(factor.solve(-(rows[:, fixed] @ values)))
+
+
+def harmonic_coordinates(
+    vertices: Floats, triangles: Ints, edges: Ints, on_edge: Ints, along: Floats, points: Ints
+) -> Floats:
+    """Harmonic coordinates `(v, n + m)` at every mesh vertex.
+
+    `edges` `(e, 2)` names the mesh vertices that are the ends of each polygon edge; the n distinct ones, in increasing order,
+    are the polygon's vertices. Mesh vertex i lies on edge `on_edge[i]` at the fraction `along[i]`, or inside where
+    `on_edge[i]` is -1. `points` `(m,)` are the mesh vertices that are control points. Columns: vertices, then control points.
+    """
+    corners = np.unique(edges)
+    values = np.zeros((len(vertices), len(corners) + len(points)))
+    boundary = np.flatnonzero(on_edge >= 0)
+    ends = np.searchsorted(corners, edges[on_edge[boundary]])
+    values[boundary, ends[:, 0]] += 1 - along[boundary]
+    values[boundary, ends[:, 1]] += along[boundary]
+    values[points, len(corners) + np.arange(len(points))] = 1.0
+    fixed = np.concatenate([boundary, points])
+    is_free = np.ones(len(vertices), bool)
+    is_free[fixed] = False
+    free = np.flatnonzero(is_free)
+    laplacian = cotangent_laplacian(vertices, triangles)
+    values[free] = harmonic_extension(laplacian, free, fixed, values[fixed])
+    return values

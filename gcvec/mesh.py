@@ -1,0 +1,168 @@
+"""Parameter domains and points → the canonical triangle mesh.
+
+All domains tile the image, so one constrained Delaunay triangulation holds the meshes of all patches. Its vertices are,
+in this order, the boundary samples, the control points, and free (Steiner) points where there is a lot of room.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pythoncdt
+from numba import njit
+from numpy.typing import NDArray
+
+from gcvec.boundary import Network
+from gcvec.samples import BoundarySamples
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FINEST_CELL = 4
+COARSEST_LEVEL = 6
+"""Free points stand in the middle of clear quadtree cells of 4 to 256 pixels."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangulated parameter domains of all patches.
+
+    vertices   (v, 2) float64, pixels: `n_samples` boundary samples, `n_points` control points, free points
+    triangles  (t, 3) int64, positive area in image coordinates
+    patch      (t,) int64, the patch a triangle belongs to
+    """
+
+    vertices: Floats
+    triangles: Ints
+    patch: Ints
+    n_samples: int
+    n_points: int
+
+    @property
+    def first_free(self) -> int:
+        return self.n_samples + self.n_points
+
+
+def jitter(points: NDArray[np.int64]) -> Floats:
+    """Positions `(n, 2)` in the parameter domain of the control points of pixels `(n, 2)` (x, y).
+
+    A control point sits at its pixel's centre, moved by less than a twentieth of a pixel by a hash of the pixel's
+    coordinates, so that no four of them lie on one circle and the Delaunay triangulation is unique.
+    """
+    x, y = points[:, 0].astype(np.uint64), points[:, 1].astype(np.uint64)
+    h = (x * np.uint64(0x9E3779B1) + y * np.uint64(0x85EBCA77)) & np.uint64(0xFFFFFFFF)
+    h = ((h ^ (h >> np.uint64(15))) * np.uint64(0x2C1B3C6D)) & np.uint64(0xFFFFFFFF)
+    h = ((h ^ (h >> np.uint64(12))) * np.uint64(0x297A2D39)) & np.uint64(0xFFFFFFFF)
+    h = h ^ (h >> np.uint64(15))
+    shift = np.stack([h & np.uint64(0xFFFF), h >> np.uint64(16)], axis=1).astype(np.float64) / 65536 - 0.5
+    return points + 0.5 + 0.1 * shift
+
+
+def free_points(sites: Floats, width: int, height: int) -> Floats:
+    """Steiner points `(n, 2)` graded by the distance to the nearest of the `sites` `(k, 2)`.
+
+    A quadtree cell is clear when no site lies in it or its eight neighbours. Every clear cell without a clear parent gets
+    a point in its middle. Cells and the test are integers, so the points are the same everywhere.
+    """
+    size = FINEST_CELL
+    columns, rows = -(-width // size), -(-height // size)
+    side = 1 << COARSEST_LEVEL
+    columns, rows = -(-columns // side) * side, -(-rows // side) * side
+    taken = np.zeros((rows, columns), bool)
+    x = np.clip((sites[:, 0] // size).astype(np.int64), 0, columns - 1)
+    y = np.clip((sites[:, 1] // size).astype(np.int64), 0, rows - 1)
+    taken[y, x] = True
+    clear = []
+    for _ in range(COARSEST_LEVEL + 1):
+        clear.append(~_dilated(taken))
+        taken = taken.reshape(taken.shape[0] // 2, 2, -1, 2).any(axis=(1, 3)) if len(taken) > 1 else taken
+    found = []
+    parent_clear = np.zeros((0, 0), bool)
+    for level in range(COARSEST_LEVEL, -1, -1):
+        here = clear[level]
+        if level < COARSEST_LEVEL:
+            covered = np.repeat(np.repeat(parent_clear, 2, axis=0), 2, axis=1)
+            points, parent_clear = here & ~covered, here | covered
+        else:
+            points, parent_clear = here, here
+        ys, xs = np.nonzero(points)
+        cell = size << level
+        centre = np.stack([xs, ys], axis=1) * cell + cell // 2
+        found.append(centre[(centre[:, 0] < width) & (centre[:, 1] < height)])
+    return jitter(np.concatenate(found))
+
+
+def _dilated(taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    grown = np.pad(taken, 1)
+    grown = grown[:-2] | grown[1:-1] | grown[2:]
+    return np.asarray(grown[:, :-2] | grown[:, 1:-1] | grown[:, 2:])
+
+
+def build_mesh(
+    network: Network, samples: BoundarySamples, points: NDArray[np.int64], *, free: bool = True
+) -> Mesh:
+    """The canonical mesh of a picture with control points at pixels `points` `(n, 2)`."""
+    sites = np.concatenate([samples.domain, jitter(points)])
+    if free:
+        sites = np.concatenate([sites, free_points(sites, network.width, network.height)])
+    triangles, neighbours = constrained_delaunay(sites, samples.segments)
+    right = np.array([c.right for c in network.curves])[samples.segment_curve]
+    left = np.array([c.left for c in network.curves])[samples.segment_curve]
+    patch = _patch_of_triangles(triangles, neighbours, samples.segments, left, right, len(sites))
+    return Mesh(sites, triangles, patch, len(samples), len(points))
+
+
+def constrained_delaunay(vertices: Floats, segments: Ints) -> tuple[Ints, Ints]:
+    """Triangles `(t, 3)` and their neighbours `(t, 3)` (-1: none) inside the outermost constraint segments.
+
+    Neighbour k lies across the edge from corner k to corner k + 1.
+    """
+    cdt = pythoncdt.Triangulation(
+        pythoncdt.VertexInsertionOrder.AUTO, pythoncdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0
+    )
+    cdt.insert_vertices(np.ascontiguousarray(vertices, np.float64))
+    cdt.insert_edges(np.ascontiguousarray(segments, np.uint32))
+    cdt.erase_outer_triangles()
+    result = cdt.triangles_array()
+    neighbours = result["neighbors"].astype(np.int64)
+    neighbours[neighbours == pythoncdt.NO_NEIGHBOR] = -1
+    return result["vertices"].astype(np.int64), neighbours
+
+
+def _patch_of_triangles(
+    triangles: Ints, neighbours: Ints, segments: Ints, left: Ints, right: Ints, n_vertices: int
+) -> Ints:
+    """Patch of every triangle: known at the constraint segments, spread from there."""
+    keys = np.concatenate([segments[:, 0] * n_vertices + segments[:, 1], segments[:, 1] * n_vertices + segments[:, 0]])
+    sides = np.concatenate([right, left])
+    order = np.argsort(keys)
+    keys, sides = keys[order], sides[order]
+    edges = triangles * n_vertices + np.roll(triangles, -1, axis=1)
+    at = np.minimum(np.searchsorted(keys, edges), len(keys) - 1)
+    side = np.where(keys[at] == edges, sides[at], -2)
+    return np.asarray(_spread(side, neighbours))
+
+
+@njit(cache=True, nogil=True)
+def _spread(side, neighbours):
+    n = len(side)
+    patch = np.full(n, -2, np.int64)
+    stack = np.empty(n, np.int64)
+    top = 0
+    for t in range(n):
+        for k in range(3):
+            if side[t, k] != -2 and patch[t] == -2:
+                patch[t] = side[t, k]
+                stack[top] = t
+                top += 1
+    while top > 0:
+        top -= 1
+        t = stack[top]
+        for k in range(3):
+            other = neighbours[t, k]
+            if side[t, k] == -2 and other >= 0 and patch[other] == -2:
+                patch[other] = patch[t]
+                stack[top] = other
+                top += 1
+    return patch

@@ -1,0 +1,223 @@
+"""Triangles → pixels: exact box filtering of a piecewise linear picture.
+
+A pixel's value is the integral of the picture over the pixel's square. Over the part of a triangle inside the pixel a linear function
+integrates to its value at the part's centroid times the part's area; both come from clipping the triangle to the square.
+This is the one place that takes colours at vertices to pixels: fit, error and rendering all go through it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import sparse
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def _clip_axis(src, n, dst, axis, bound, keep_below):
+    """Sutherland-Hodgman against one axis-parallel line; returns the number of corners written to `dst`."""
+    count = 0
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        a, b = src[i, axis] - bound, src[j, axis] - bound
+        if keep_below:
+            a, b = -a, -b
+        if a >= 0.0:
+            dst[count, 0], dst[count, 1] = src[i, 0], src[i, 1]
+            count += 1
+        if (a > 0.0 and b < 0.0) or (a < 0.0 and b > 0.0):
+            t = a / (a - b)
+            other = 1 - axis
+            dst[count, other] = src[i, other] + t * (src[j, other] - src[i, other])
+            dst[count, axis] = bound
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _area_centroid(p, n):
+    """Signed area and centroid of a convex polygon, relative to its first corner for accuracy."""
+    x0, y0 = p[0, 0], p[0, 1]
+    area, cx, cy = 0.0, 0.0, 0.0
+    for i in range(1, n - 1):
+        ax, ay = p[i, 0] - x0, p[i, 1] - y0
+        bx, by = p[i + 1, 0] - x0, p[i + 1, 1] - y0
+        cross = ax * by - ay * bx
+        area += cross
+        cx += cross * (ax + bx)
+        cy += cross * (ay + by)
+    if area == 0.0:
+        return 0.0, x0, y0
+    return area / 2, x0 + cx / (3 * area), y0 + cy / (3 * area)
+
+
+@njit(cache=True, nogil=True)
+def _cover_triangle(corners, width, height, pixel, weights, count, scratch):
+    """Append this triangle's `(pixel, weight of each corner)` entries; returns the new count.
+
+    The weights of one entry add up to the area of the triangle inside the pixel.
+    """
+    x0, y0 = corners[0, 0], corners[0, 1]
+    x1, y1 = corners[1, 0], corners[1, 1]
+    x2, y2 = corners[2, 0], corners[2, 1]
+    twice_area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
+    if twice_area == 0.0:
+        return count
+    gx1, gy1 = (y2 - y0) / twice_area, -(x2 - x0) / twice_area
+    gx2, gy2 = -(y1 - y0) / twice_area, (x1 - x0) / twice_area
+    row, strip, half, cell = scratch[0], scratch[1], scratch[2], scratch[3]
+    first_row = max(int(np.floor(min(y0, y1, y2))), 0)
+    last_row = min(int(np.ceil(max(y0, y1, y2))), height)
+    for y in range(first_row, last_row):
+        n = _clip_axis(corners, 3, row, 1, float(y), False)
+        n = _clip_axis(row, n, strip, 1, float(y + 1), True)
+        if n < 3:
+            continue
+        low, high = strip[0, 0], strip[0, 0]
+        for i in range(1, n):
+            low, high = min(low, strip[i, 0]), max(high, strip[i, 0])
+        first, last = max(int(np.floor(low)), 0), min(int(np.ceil(high)), width)
+        for x in range(first, last):
+            # Barycentric coordinates are linear: the square is inside if they stay positive over it.
+            b1 = gx1 * (x + 0.5 - x0) + gy1 * (y + 0.5 - y0)
+            b2 = gx2 * (x + 0.5 - x0) + gy2 * (y + 0.5 - y0)
+            b0 = 1.0 - b1 - b2
+            r1 = 0.5 * (abs(gx1) + abs(gy1))
+            r2 = 0.5 * (abs(gx2) + abs(gy2))
+            r0 = 0.5 * (abs(gx1 + gx2) + abs(gy1 + gy2))
+            area = 1.0
+            if b0 < r0 or b1 < r1 or b2 < r2:
+                if last - first == 1:
+                    area, cx, cy = _area_centroid(strip, n)
+                else:
+                    k = _clip_axis(strip, n, half, 0, float(x), False)
+                    k = _clip_axis(half, k, cell, 0, float(x + 1), True)
+                    if k < 3:
+                        continue
+                    area, cx, cy = _area_centroid(cell, k)
+                if area == 0.0:
+                    continue
+                b1 = gx1 * (cx - x0) + gy1 * (cy - y0)
+                b2 = gx2 * (cx - x0) + gy2 * (cy - y0)
+                b0 = 1.0 - b1 - b2
+            pixel[count] = y * width + x
+            weights[count, 0], weights[count, 1], weights[count, 2] = area * b0, area * b1, area * b2
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _cells(corners, width, height):
+    """Upper bound of the number of pixels a triangle touches."""
+    nx = min(np.ceil(corners[:, 0].max()), width) - max(np.floor(corners[:, 0].min()), 0.0)
+    ny = min(np.ceil(corners[:, 1].max()), height) - max(np.floor(corners[:, 1].min()), 0.0)
+    return int(max(nx, 0.0) * max(ny, 0.0))
+
+
+@njit(cache=True, nogil=True)
+def _coverage(vertices, triangles, width, height):
+    capacity = max(4 * len(triangles), 1024)
+    pixel = np.empty(capacity, np.int32)
+    weights = np.empty((capacity, 3))
+    start = np.zeros(len(triangles) + 1, np.int64)
+    scratch = np.empty((4, 12, 2))
+    corners = np.empty((3, 2))
+    count = 0
+    for t in range(len(triangles)):
+        for k in range(3):
+            corners[k] = vertices[triangles[t, k]]
+        need = count + _cells(corners, width, height)
+        if need > capacity:
+            capacity = max(2 * capacity, need)
+            more_pixel = np.empty(capacity, np.int32)
+            more_weights = np.empty((capacity, 3))
+            more_pixel[:count] = pixel[:count]
+            more_weights[:count] = weights[:count]
+            pixel, weights = more_pixel, more_weights
+        count = _cover_triangle(corners, width, height, pixel, weights, count, scratch)
+        start[t + 1] = count
+    return start, pixel[:count].copy(), weights[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _paint(vertices, triangles, colors, corner_color, width, height):
+    channels = colors.shape[1]
+    picture = np.zeros((height * width, channels))
+    scratch = np.empty((4, 12, 2))
+    corners = np.empty((3, 2))
+    pixel = np.empty(1024, np.int32)
+    weights = np.empty((1024, 3))
+    for t in range(len(triangles)):
+        for k in range(3):
+            corners[k] = vertices[triangles[t, k]]
+        need = _cells(corners, width, height)
+        if need > len(pixel):
+            pixel = np.empty(need, np.int32)
+            weights = np.empty((need, 3))
+        count = _cover_triangle(corners, width, height, pixel, weights, 0, scratch)
+        for e in range(count):
+            for k in range(3):
+                for c in range(channels):
+                    picture[pixel[e], c] += weights[e, k] * colors[corner_color[t, k], c]
+    return picture
+
+
+class Coverage:
+    """Which triangles cover which pixels, and how: `(pixel, triangle, three corner weights)` entries.
+
+    start    (t + 1,) first entry of each triangle
+    pixel    (n,) int32, row-major pixel of an entry
+    weights  (n, 3), summing to the area of the triangle inside the pixel
+    """
+
+    def __init__(self, vertices: Floats, triangles: Ints, width: int, height: int) -> None:
+        self.width, self.height = width, height
+        self.start, self.pixel, self.weights = _coverage(vertices, triangles, width, height)
+
+    def matrix(self, corner_color: Ints, n_colors: int) -> sparse.csr_array:
+        """B `(pixels, n_colors)`: from the colours that the triangles' corners `(t, 3)` refer to, to pixels."""
+        triangle = np.repeat(np.arange(len(corner_color)), np.diff(self.start))
+        columns = corner_color[triangle]
+        rows = np.repeat(self.pixel, 3)
+        shape = (self.width * self.height, n_colors)
+        return sparse.coo_array((self.weights.ravel(), (rows, columns.ravel())), shape=shape).tocsr()
+
+
+def paint(
+    vertices: Floats, triangles: Ints, colors: Floats, corner_color: Ints, width: int, height: int
+) -> Floats:
+    """The box-filtered picture `(height, width, c)` of triangles whose corners have `colors[corner_color]`."""
+    picture = _paint(vertices, triangles, np.ascontiguousarray(colors), corner_color, width, height)
+    return np.asarray(picture).reshape(height, width, -1)
+
+
+@njit(cache=True, nogil=True)
+def _locate(vertices, triangles, width, height):
+    owner = np.full((height, width), -1, np.int32)
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        y_first = max(int(np.ceil(min(a[1], b[1], c[1]) - 0.5)), 0)
+        y_last = min(int(np.floor(max(a[1], b[1], c[1]) - 0.5)), height - 1)
+        x_first = max(int(np.ceil(min(a[0], b[0], c[0]) - 0.5)), 0)
+        x_last = min(int(np.floor(max(a[0], b[0], c[0]) - 0.5)), width - 1)
+        for y in range(y_first, y_last + 1):
+            for x in range(x_first, x_last + 1):
+                px, py = x + 0.5, y + 0.5
+                inside = (
+                    (b[0] - a[0]) * (py - a[1]) - (b[1] - a[1]) * (px - a[0]) >= 0
+                    and (c[0] - b[0]) * (py - b[1]) - (c[1] - b[1]) * (px - b[0]) >= 0
+                    and (a[0] - c[0]) * (py - c[1]) - (a[1] - c[1]) * (px - c[0]) >= 0
+                )
+                if inside:
+                    owner[y, x] = t
+    return owner
+
+
+def triangle_at_pixel_centres(
+    vertices: Floats, triangles: Ints, width: int, height: int
+) -> NDArray[np.int32]:
+    """`(height, width) int32`: the triangle that holds each pixel's centre, -1 where there is none."""
+    return np.asarray(_locate(vertices, triangles, width, height))
