@@ -150,7 +150,8 @@ def test_other_json_is_named_unsupported() -> None:
 
 @pytest.mark.parametrize("key", ["images", "annotations", "categories"])
 def test_lists_must_hold_objects(key: str) -> None:
-    for value in ({}, [1], None, "x"):
+    values: list[object] = [{}, [1], None, "x"]
+    for value in values:
         assert refusal({**document(), key: value}).code == "broken-annotations"
 
 

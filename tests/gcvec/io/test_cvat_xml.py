@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from gcvec.annotations import Annotations
 from gcvec.errors import InputError
@@ -34,10 +35,10 @@ def refusal(data: bytes) -> InputError:
     return error.value
 
 
-def painted(*elements: str) -> np.ndarray:
+def painted(*elements: str) -> NDArray[np.bool_]:
     """Where the first region is, `(40, 60) bool`."""
     result = partition(read_cvat_xml(document(*elements)), 60, 40)
-    return result.labels == result.names.index("it")
+    return np.equal(result.labels, result.names.index("it"))
 
 
 def test_polygons_keep_label_order_z_and_line() -> None:
