@@ -11,6 +11,10 @@ def main() -> None:
     # Numerical libraries read these once, when they are loaded: threads of our own share the cores better.
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    from gcvec.cli._app import run
+    try:
+        from gcvec.cli._app import run
 
-    sys.exit(run(sys.argv[1:]))
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt:
+        code = 130
+    sys.exit(code)

@@ -14,6 +14,7 @@ from gcvec.options import Options
 
 if TYPE_CHECKING:
     from gcvec import Annotations
+    from gcvec.io import Picture
 
 
 def vectorize(
@@ -36,7 +37,7 @@ def vectorize(
         str | None,
         Option(
             metavar="NAME",
-            help="The picture's name in a file that annotates several; default: the file's own name.",
+            help="The picture's name in the annotations; default: the file's own name, else the only one.",
         ),
     ] = None,
     strategy: Annotated[
@@ -60,7 +61,7 @@ def vectorize(
     options = Options(strategy=strategy, target_mse=target_mse, max_points=max_points, workers=workers)
     require_folder(output, report, preview)
     picture = load_picture(image)
-    regions = _load_annotations(annotations, image_name or image.name) if annotations else None
+    regions = _load_regions(annotations, image_name, image.name, picture) if annotations else None
 
     from gcvec import vectorize
 
@@ -76,8 +77,11 @@ def vectorize(
         write(preview, png(result.render()))
 
 
-def _load_annotations(path: Path, image_name: str) -> Annotations:
-    from gcvec.io import read_annotations
+def _load_regions(path: Path, image_name: str | None, picture_name: str, picture: Picture) -> Annotations:
+    from gcvec.io import check_size, read_annotations
 
     with about(path):
-        return read_annotations(path.read_bytes(), image_name=image_name)
+        annotations = read_annotations(path.read_bytes(), image_name=image_name, picture_name=picture_name)
+        height, width = picture.pixels.shape[:2]
+        check_size(annotations, width, height)
+    return annotations
