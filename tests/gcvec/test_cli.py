@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import resource
 import signal
 import subprocess
 import sys
@@ -201,14 +202,18 @@ def test_help_lists_every_command() -> None:
         assert f" {command} " in run.stdout
 
 
-def test_full_disk_is_a_failure(folder: Path) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("needs /dev/full")
-    command = [sys.executable, "-m", "gcvec.cli", "--version"]
-    with open("/dev/full", "wb") as full:
-        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, cwd=folder)
-    assert run.returncode != 0
-    assert "Traceback" not in run.stderr
+@pytest.mark.usefixtures("vectorized")
+def test_failed_write_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "gcvec.cli", "render", folder / "photo.gcv", "-o", tmp_path / "a.json"]
+    run = subprocess.run(command, capture_output=True, text=True, preexec_fn=_forbid_files_over_1_kb)
+    assert (run.returncode, run.stdout) == (1, "")
+    assert run.stderr.startswith("gcvec: ")
+    assert run.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def _forbid_files_over_1_kb() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 
 
 def test_progress_bar_on_a_terminal(folder: Path, tmp_path: Path) -> None:
