@@ -20,11 +20,11 @@ _HOMES = {
 
 __all__ = ["Annotations", "InputError", "OnProgress", "Options", "Progress", "Shape"]
 
+if not TYPE_CHECKING:  # a type checker that saw this would accept any name
 
-def __getattr__(name: str) -> object:
-    """Import a public name when it is first asked for: most users of the package need few of them."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value: object = getattr(import_module(_HOMES[name]), name)
-    globals()[name] = value
-    return value
+    def __getattr__(name):
+        """Import a public name when it is first asked for: most users of the package need few of them."""
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = getattr(import_module(_HOMES[name]), name)
+        return globals()[name]
