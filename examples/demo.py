@@ -9,8 +9,7 @@ the photo with its regions over HTTP; writes all that the service has made to `d
 from __future__ import annotations
 
 import json
-import signal
-import socket
+import re
 import subprocess
 import sys
 import tempfile
@@ -20,8 +19,6 @@ from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
-
-import httpx
 
 GCVEC = (sys.executable, "-m", "gcvec.cli")
 ANNOTATIONS = Path(__file__).parent / "sample" / "coffee.xml"
@@ -47,17 +44,14 @@ def main() -> int:
 @contextmanager
 def serving(folder: Path) -> Iterator[str]:
     """Run `gcvec serve` with its data in `folder`; give its address once it is ready, stop it at the end."""
-    port = free_port()
-    url = f"http://127.0.0.1:{port}"
     log = folder / "serve.log"
     with log.open("wb") as file:
-        command = (*GCVEC, "serve", "--port", str(port), "--data", str(folder / "data"))
+        command = (*GCVEC, "serve", "--port", "0", "--data", str(folder / "data"))
         service = subprocess.Popen(command, stdout=file, stderr=file, start_new_session=True)
     try:
-        wait_until_ready(url, service, log)
-        yield url
+        yield announced(service, log)
     finally:
-        service.send_signal(signal.SIGTERM)
+        service.terminate()
         try:
             service.wait(SECONDS_TO_STOP)
         except subprocess.TimeoutExpired:
@@ -65,25 +59,17 @@ def serving(folder: Path) -> Iterator[str]:
             service.wait()
 
 
-def wait_until_ready(url: str, service: subprocess.Popen[bytes], log: Path) -> None:
-    """Wait for `/readyz`; raise RuntimeError with the service's own words when it ends or takes too long."""
+def announced(service: subprocess.Popen[bytes], log: Path) -> str:
+    """Wait for the address a service prints once it is ready.
+
+    Raises RuntimeError, with the service's own words, when it ends or takes too long.
+    """
     deadline = time.monotonic() + SECONDS_TO_START
     while time.monotonic() < deadline and service.poll() is None:
-        try:
-            if httpx.get(f"{url}/readyz", timeout=2).is_success:
-                return
-        except httpx.TransportError:
-            pass
-        time.sleep(0.1)
+        if ready := re.search(r"^gcvec serves (\S+)$", log.read_text(errors="replace"), re.MULTILINE):
+            return ready[1]
+        time.sleep(0.05)
     raise RuntimeError(f"the service did not start:\n{log.read_text(errors='replace')}")
-
-
-def free_port() -> int:
-    """A TCP port nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def table(report: dict[str, Any]) -> str:

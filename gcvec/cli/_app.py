@@ -91,6 +91,8 @@ def run(arguments: Sequence[str]) -> int:
     except OSError as error:
         return _complain(": ".join(filter(None, (_filename(error), error.strerror or str(error)))), FAILURE)
     except Exception as error:
+        if type(error) is RuntimeError:  # how a command says that it failed, and why
+            return _complain(str(error), FAILURE)
         if os.environ.get("GCVEC_TRACEBACK"):
             traceback.print_exc()
         cause = " ".join(str(error).split()) or "no message"
