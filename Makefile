@@ -1,0 +1,38 @@
+# Everything needs only Python >= 3.11 with venv, and a package index. `make help` lists the targets.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: help install demo test check serve openapi
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' Makefile
+
+install: $(STAMP) ## make .venv with the pinned dependencies
+
+demo: $(STAMP) ## run the whole service on the sample photo; writes demo-out/
+	$(BIN)/python -m examples.demo
+
+test: $(STAMP) ## run every test
+	$(BIN)/pytest
+
+check: $(STAMP) ## format, lint, types, openapi in step
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m service.openapi --check
+
+serve: $(STAMP) ## run the service on http://127.0.0.1:8000
+	$(BIN)/gcvec serve
+
+openapi: $(STAMP) ## write openapi/openapi.json anew
+	$(BIN)/python -m service.openapi
+
+$(STAMP): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "gcvec needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) -V 2>&1). Try: make PYTHON=python3.12" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@touch $(STAMP)

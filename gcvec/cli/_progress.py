@@ -1,0 +1,49 @@
+"""A progress bar on a terminal, silence in a pipe."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gcvec.progress import OnProgress, Progress
+
+
+@contextmanager
+def progress_bar() -> Iterator[OnProgress | None]:
+    """What to hand to `vectorize` as `on_progress`: a bar on stderr, None where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description:<8}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[state]}"),
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("regions", total=1.0, state="")
+
+        def show(progress: Progress) -> None:
+            bar.update(
+                task, completed=progress.fraction, description=progress.phase, state=describe(progress)
+            )
+
+        yield show
+
+
+def describe(progress: Progress) -> str:
+    """The figures of one step, e.g. `412 points, MSE 7.31`."""
+    figures = []
+    if progress.points:
+        figures.append(f"{progress.points} points")
+    if progress.mse is not None:
+        figures.append(f"MSE {progress.mse:.2f}")
+    return ", ".join(figures)

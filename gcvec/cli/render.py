@@ -1,0 +1,61 @@
+"""`gcvec render`: a .gcv file as a picture or a document."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, BadParameter, Option
+
+from gcvec.cli._files import load_vector_image, require_folder, write
+
+if TYPE_CHECKING:
+    from gcvec import VectorImage
+
+MAX_PIXELS = 2**28
+"""The largest picture drawn, a guard against a mistyped scale: 16,384 px square, 800 MB of pixels."""
+
+
+def render(
+    vector_image: Annotated[
+        Path, Argument(metavar="OUT.gcv", exists=True, dir_okay=False, readable=True, help="A vector image.")
+    ],
+    output: Annotated[
+        Path,
+        Option("-o", "--output", metavar="PICTURE", help="Its ending says what is written: .png, .json."),
+    ],
+    scale: Annotated[float, Option(help="PNG pixels a pixel of the photo.")] = 1.0,
+    raw: Annotated[
+        bool, Option("--raw", help="Sample at pixel centres instead of averaging over each pixel (PNG).")
+    ] = False,
+) -> None:
+    """Draw a vector image at any scale, or write it in another format."""
+    require_folder(output)
+    ending = output.suffix.lower()
+    if ending not in DOCUMENTS and ending != ".png":
+        known = ", ".join((".png", *DOCUMENTS))
+        raise BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
+    if not scale > 0:
+        raise BadParameter(f"must be above 0, not {scale:g}", param_hint="'--scale'")
+    if ending in DOCUMENTS and (raw or scale != 1):
+        raise BadParameter(f"{output}: --scale and --raw are for PNG", param_hint="'-o'")
+    image = load_vector_image(vector_image)
+    write(output, DOCUMENTS[ending](image) if ending in DOCUMENTS else _png(image, scale, raw))
+
+
+def _png(image: VectorImage, scale: float, raw: bool) -> bytes:
+    from gcvec.export.png import png
+
+    width, height = image.width * scale, image.height * scale
+    if width * height > MAX_PIXELS:
+        raise BadParameter(f"{width:.0f} x {height:.0f} pixels are too many", param_hint="'--scale'")
+    return png(image.render(scale, raw=raw))
+
+
+def _json(image: VectorImage) -> bytes:
+    return json.dumps(image.description(), separators=(",", ":"), allow_nan=False).encode() + b"\n"
+
+
+DOCUMENTS: dict[str, Callable[[VectorImage], bytes]] = {".json": _json}

@@ -1,0 +1,88 @@
+"""Connected components of a map of owners, and what becomes of those too small to stand alone."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from skimage.measure import label
+
+SLIVER_AREA = 16
+"""Components of fewer pixels are no regions."""
+
+
+def connected_components(owners: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Number the 4-connected components of equal `owners (h, w)`, each >= 0, from 0 in raster order of their
+    first pixels. Pixels that touch at a corner only are not connected."""
+    numbered = label(owners, connectivity=1, background=-1)  # type: ignore[no-untyped-call]
+    labels: NDArray[np.int32] = (numbered - 1).astype(np.int32)
+    return labels
+
+
+def absorb_slivers(owners: NDArray[np.int32], min_area: int = SLIVER_AREA) -> NDArray[np.int32]:
+    """Give every component of fewer than `min_area` pixels to the owner it shares the longest border with.
+
+    In every round each sliver, the smallest first, joins a neighbour unless a smaller one has joined it
+    before; rounds end when no sliver is left, so several can grow into a component that stays. Where borders
+    are equally long the neighbour of larger area takes it. Returns a new map. A picture smaller than
+    `min_area` is one component.
+    """
+    owners = np.ascontiguousarray(owners).copy()
+    while True:
+        labels = connected_components(owners)
+        areas = np.bincount(labels.ravel())
+        is_sliver = areas < min_area
+        if not is_sliver.any() or len(areas) == 1:
+            return owners
+        pixels = np.flatnonzero(is_sliver[labels])
+        component = labels.ravel()[pixels]
+        order = np.lexsort((component, areas[component]))
+        starts = np.flatnonzero(np.diff(component[order], prepend=-1))
+        _repaint(owners, labels, areas, pixels[order], np.append(starts, len(pixels)), min_area)
+
+
+@numba.njit(cache=True, nogil=True)
+def _repaint(
+    owners: NDArray[np.int32],
+    labels: NDArray[np.int32],
+    areas: NDArray[np.int64],
+    pixels: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    min_area: int,
+) -> None:
+    """Repaint the slivers, flat indices `pixels[starts[i]:starts[i + 1]]`, one after another with the owner
+    next to them; one that an earlier sliver has joined has grown and waits for the next round."""
+    height, width = owners.shape
+    candidates = np.empty(4 * min_area, dtype=np.int32)
+    borders = np.empty(4 * min_area, dtype=np.int64)
+    largest = np.empty(4 * min_area, dtype=np.int64)
+    for i in range(len(starts) - 1):
+        component = pixels[starts[i] : starts[i + 1]]
+        own = owners[component[0] // width, component[0] % width]
+        own_label = labels[component[0] // width, component[0] % width]
+        count = 0
+        grown = False
+        for pixel in component:
+            y, x = pixel // width, pixel % width
+            for dy, dx in ((-1, 0), (0, -1), (0, 1), (1, 0)):
+                v, u = y + dy, x + dx
+                if v < 0 or u < 0 or v >= height or u >= width or labels[v, u] == own_label:
+                    continue
+                neighbour = owners[v, u]
+                grown = grown or neighbour == own
+                k = 0
+                while k < count and candidates[k] != neighbour:
+                    k += 1
+                if k == count:
+                    candidates[k], borders[k], largest[k] = neighbour, 0, 0
+                    count += 1
+                borders[k] += 1
+                largest[k] = max(largest[k], areas[labels[v, u]])
+        if grown:
+            continue
+        best = 0
+        for k in range(1, count):
+            if (borders[k], largest[k]) > (borders[best], largest[best]):
+                best = k
+        for pixel in component:
+            owners[pixel // width, pixel % width] = candidates[best]

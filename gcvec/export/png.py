@@ -1,0 +1,16 @@
+"""PNG."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+
+def png(pixels: NDArray[np.uint8]) -> bytes:
+    """The PNG file of sRGB pixels, `(h, w, 3) uint8`."""
+    file = BytesIO()
+    Image.fromarray(pixels).save(file, "PNG", optimize=True)
+    return file.getvalue()

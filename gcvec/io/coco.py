@@ -1,0 +1,132 @@
+"""COCO 1.0 instances: polygons, run-length masks and plain boxes of one image."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+from gcvec.annotations import Annotations, Shape
+from gcvec.errors import InputError
+from gcvec.io.geometry import broken, counts_from, rectangle, ring_from
+from gcvec.io.limits import DEFAULT_LIMITS, Account, Limits
+from gcvec.io.rle import ColumnRuns, decode_compressed_counts
+from gcvec.io.selection import select_image
+
+_Json = Mapping[str, Any]
+
+
+def read_coco(
+    data: bytes,
+    *,
+    image_name: str | None = None,
+    picture_name: str | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+) -> Annotations:
+    """The regions of one image of a COCO instances file.
+
+    Several rings of one annotation are parts of one region. A run-length mask may be compressed or not. An
+    annotation with a box alone is a rectangle; one with neither (keypoints, captions) is left out with
+    a warning. See `select_image` for how the image is chosen. Raises `InputError`.
+    """
+    document = _parse(data)
+    images = _objects(document, "images")
+    names = [str(image.get("file_name", "")) for image in images]
+    image = images[select_image(names, image_name, picture_name)]
+    width, height = (_side(image.get(key, 0), limits, "images") for key in ("width", "height"))
+    labels = {str(c.get("id")): str(c.get("name", c.get("id"))) for c in _objects(document, "categories")}
+
+    reader = _ShapeReader(width, height, limits)
+    shapes: list[Shape] = []
+    without_region = 0
+    for index, annotation in enumerate(_objects(document, "annotations")):
+        if annotation.get("image_id") != image.get("id"):
+            continue
+        if not annotation.get("segmentation") and not annotation.get("bbox"):
+            without_region += 1
+            continue
+        category = str(annotation.get("category_id"))
+        shapes.append(reader.shape(annotation, labels.get(category, category), f"annotations[{index}]"))
+    warnings = (f"{without_region} annotations without a region left out",) if without_region else ()
+    return Annotations(tuple(shapes), width, height, warnings)
+
+
+def _parse(data: bytes) -> _Json:
+    def refuse(constant: str) -> NoReturn:
+        raise ValueError(f"{constant} is not a number")
+
+    try:
+        document = json.loads(data, parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"broken annotations: {error}", code="broken-annotations") from error
+    if not isinstance(document, dict) or "images" not in document:
+        raise InputError(
+            "unsupported annotations: the JSON is not COCO (it has no 'images')",
+            code="unsupported-annotations",
+        )
+    return document
+
+
+def _objects(document: _Json, key: str) -> list[_Json]:
+    values = document.get(key, [])
+    if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
+        raise broken("not a list of objects", key)
+    return values
+
+
+def _side(value: object, limits: Limits, pointer: str) -> int:
+    if not isinstance(value, int) or not 0 <= value <= limits.max_side:
+        raise broken(f"{value!r} is not a width or height of 0 to {limits.max_side} pixels", pointer)
+    return value
+
+
+def _corners(bbox: object, pointer: str) -> list[float]:
+    if not isinstance(bbox, list) or len(bbox) != 4:
+        raise broken("its bbox is not [x, y, width, height]", pointer)
+    (x, y), (width, height) = ring_from(bbox, pointer)
+    return [float(value) for value in rectangle(x, y, x + width, y + height).ravel()]
+
+
+class _ShapeReader:
+    """Reads the annotations of one image, keeping account of what they cost."""
+
+    def __init__(self, width: int, height: int, limits: Limits) -> None:
+        self._size = [height, width]
+        self._limits = limits
+        self._account = Account(limits)
+
+    def shape(self, annotation: _Json, label: str, pointer: str) -> Shape:
+        self._account.add_shape(pointer)
+        segmentation = annotation.get("segmentation")
+        if isinstance(segmentation, dict):
+            return self._masked(segmentation, label, pointer)
+        rings = segmentation or [_corners(annotation["bbox"], pointer)]
+        if not isinstance(rings, list) or not all(isinstance(ring, list) for ring in rings):
+            raise broken("its segmentation is neither a list of polygons nor a run-length mask", pointer)
+        for ring in rings:
+            self._account.add_vertices(len(ring) // 2, pointer)
+        return Shape(label, rings=tuple(ring_from(ring, pointer) for ring in rings), pointer=pointer)
+
+    def _masked(self, segmentation: _Json, label: str, pointer: str) -> Shape:
+        height, width = self._mask_size(segmentation.get("size"), pointer)
+        counts = segmentation.get("counts")
+        if isinstance(counts, str):
+            try:
+                counts = decode_compressed_counts(counts)
+            except ValueError as error:
+                raise broken(str(error), pointer) from error
+        if not isinstance(counts, list):
+            raise broken("its run lengths are missing", pointer)
+        runs = ColumnRuns(counts_from(counts, width * height, pointer), height)
+        left, top, box_width, box_height = runs.box
+        self._account.add_mask(box_width * box_height, pointer)
+        return Shape(label, mask=runs.mask(), offset=(left, top), pointer=pointer)
+
+    def _mask_size(self, stated: object, pointer: str) -> tuple[int, int]:
+        """The mask's height and width: the picture's, where the file states that."""
+        if not isinstance(stated, list) or len(stated) != 2:
+            raise broken("its mask has no size [height, width]", pointer)
+        if self._size != [0, 0] and stated != self._size:
+            raise broken(f"its mask has the size {stated}, the picture {self._size} (height, width)", pointer)
+        height, width = (_side(side, self._limits, pointer) for side in stated)
+        return height, width

@@ -1,0 +1,203 @@
+"""CVAT for images 1.1: polygons, boxes, ellipses and masks of one image."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from xml.sax import SAXParseException
+from xml.sax.handler import ContentHandler
+from xml.sax.xmlreader import AttributesImpl, Locator
+
+import defusedxml.sax
+from defusedxml import DefusedXmlException
+
+from gcvec.annotations import Annotations, Shape
+from gcvec.errors import InputError
+from gcvec.io.geometry import Ring, broken, counts_from, ellipse, finite, rectangle, ring_from, rotated
+from gcvec.io.limits import DEFAULT_LIMITS, Account, Limits
+from gcvec.io.rle import row_major_mask
+from gcvec.io.selection import select_image
+
+_REGIONS = ("polygon", "box", "ellipse", "mask")
+_NOT_REGIONS = ("polyline", "points", "skeleton", "cuboid")
+
+
+def read_cvat_xml(
+    data: bytes,
+    *,
+    image_name: str | None = None,
+    picture_name: str | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+) -> Annotations:
+    """The regions of one image of a "CVAT for images 1.1" document.
+
+    Polylines, points, skeletons and cuboids enclose no region and are left out with a warning. See
+    `select_image` for how the image is chosen. Raises `InputError`.
+    """
+    images = _parse(data)
+    image = images[select_image(_distinct_names(images), image_name, picture_name)]
+    account = Account(limits)
+    shapes = tuple(_shape(element, account) for element in image.regions)
+    return Annotations(shapes, image.width, image.height, _left_out(image.ignored))
+
+
+@dataclass(frozen=True)
+class _Element:
+    tag: str
+    attributes: Mapping[str, str]
+    pointer: str
+
+
+@dataclass
+class _Image:
+    name: str
+    subset: str
+    width: int
+    height: int
+    regions: list[_Element] = field(default_factory=list)
+    ignored: Counter[str] = field(default_factory=Counter)
+
+
+class _Document(ContentHandler):
+    """Collects the images and their elements, with the line each stands on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.images: list[_Image] = []
+        self._path: list[str] = []
+        self._locator: Locator | None = None
+
+    def setDocumentLocator(self, locator: Locator) -> None:  # noqa: N802
+        self._locator = locator
+
+    def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802
+        parents = self._path
+        if not parents and name != "annotations":
+            raise _unsupported(f"the root element is <{name}>, not <annotations>")
+        if parents == ["annotations"]:
+            if name == "track":
+                raise _unsupported("this is CVAT for video; export the task as CVAT for images 1.1")
+            if name == "image":
+                self.images.append(self._image(attrs))
+        elif parents == ["annotations", "image"]:
+            self._add(self.images[-1], name, attrs)
+        parents.append(name)
+
+    def endElement(self, name: str) -> None:  # noqa: N802
+        self._path.pop()
+
+    def _image(self, attrs: AttributesImpl) -> _Image:
+        pointer = f"image {attrs.get('name', '')!r}, line {self._line()}"
+        width, height = (_whole(attrs, key, pointer) for key in ("width", "height"))
+        return _Image(attrs.get("name", ""), attrs.get("subset", ""), width, height)
+
+    def _add(self, image: _Image, name: str, attrs: AttributesImpl) -> None:
+        if name in _REGIONS:
+            pointer = f"{name} {len(image.regions) + 1}, line {self._line()}"
+            image.regions.append(_Element(name, dict(attrs), pointer))
+        elif name in _NOT_REGIONS:
+            image.ignored[name] += 1
+
+    def _line(self) -> int:
+        return (self._locator and self._locator.getLineNumber()) or 0
+
+
+def _parse(data: bytes) -> list[_Image]:
+    document = _Document()
+    try:
+        defusedxml.sax.parseString(data, document, forbid_dtd=True)
+    except SAXParseException as error:
+        line = error.getLineNumber()
+        raise InputError(
+            f"broken annotations: line {line}: {error.getMessage()}",
+            code="broken-annotations",
+            pointer=f"line {line}",
+        ) from error
+    except DefusedXmlException as error:
+        raise InputError(
+            "annotations refused: the XML declares a document type or entities", code="unsafe-annotations"
+        ) from error
+    except (LookupError, UnicodeError) as error:
+        raise InputError(f"broken annotations: {error}", code="broken-annotations") from error
+    return document.images
+
+
+def _distinct_names(images: list[_Image]) -> list[str]:
+    """Names as they stand; where a project's subsets repeat one, "subset/name"."""
+    counts = Counter(image.name for image in images)
+    return [f"{i.subset}/{i.name}" if i.subset and counts[i.name] > 1 else i.name for i in images]
+
+
+def _unsupported(why: str) -> InputError:
+    return InputError(f"unsupported annotations: {why}", code="unsupported-annotations")
+
+
+def _left_out(ignored: Counter[str]) -> tuple[str, ...]:
+    return tuple(f"{count} <{tag}> left out: encloses no region" for tag, count in sorted(ignored.items()))
+
+
+def _shape(element: _Element, account: Account) -> Shape:
+    attributes, pointer = element.attributes, element.pointer
+    account.add_shape(pointer)
+    label = attributes.get("label", "")
+    z_order = _whole(attributes, "z_order", pointer)
+    if element.tag == "mask":
+        return _mask(attributes, pointer, account, label, z_order)
+    if element.tag == "polygon":
+        ring = _polygon(attributes, pointer, account)
+    else:
+        ring = _box(attributes, pointer) if element.tag == "box" else _ellipse(attributes, pointer)
+    return Shape(label, rings=(ring,), z_order=z_order, pointer=pointer)
+
+
+def _polygon(attributes: Mapping[str, str], pointer: str, account: Account) -> Ring:
+    """`points="x,y;x,y;…"`"""
+    text = attributes.get("points", "").strip().strip(";")
+    account.add_vertices(text.count(";") + 1, pointer)
+    pairs = [pair.split(",") for pair in text.split(";")]
+    if any(len(pair) != 2 for pair in pairs):
+        raise broken("its points are not pairs 'x,y' separated by ';'", pointer)
+    return ring_from([value for pair in pairs for value in pair], pointer)
+
+
+def _box(attributes: Mapping[str, str], pointer: str) -> Ring:
+    left, top, right, bottom = (_number(attributes, key, pointer) for key in ("xtl", "ytl", "xbr", "ybr"))
+    turn = _number(attributes, "rotation", pointer, default="0")
+    return rotated(rectangle(left, top, right, bottom), turn, (left + right) / 2, (top + bottom) / 2)
+
+
+def _ellipse(attributes: Mapping[str, str], pointer: str) -> Ring:
+    cx, cy, rx, ry = (_number(attributes, key, pointer) for key in ("cx", "cy", "rx", "ry"))
+    turn = _number(attributes, "rotation", pointer, default="0")
+    return rotated(ellipse(cx, cy, rx, ry), turn, cx, cy)
+
+
+def _mask(attributes: Mapping[str, str], pointer: str, account: Account, label: str, z_order: int) -> Shape:
+    left, top, width, height = (
+        _whole(attributes, key, pointer) for key in ("left", "top", "width", "height")
+    )
+    if width < 1 or height < 1:
+        raise broken(f"a mask of {width} x {height} pixels", pointer)
+    account.add_mask(width * height, pointer)
+    try:
+        runs = [int(run) for run in attributes.get("rle", "").split(",")]
+    except ValueError as error:
+        raise broken("its run lengths are not whole numbers", pointer) from error
+    mask = row_major_mask(counts_from(runs, width * height, pointer), width, height)
+    return Shape(label, mask=mask, offset=(left, top), z_order=z_order, pointer=pointer)
+
+
+def _number(attributes: Mapping[str, str], key: str, pointer: str, default: str | None = None) -> float:
+    text = attributes.get(key, default)
+    if text is None:
+        raise broken(f"{key!r} is missing", pointer)
+    return finite(text, pointer)
+
+
+def _whole(attributes: Mapping[str, str] | AttributesImpl, key: str, pointer: str) -> int:
+    """A whole number, 0 when the attribute is absent."""
+    try:
+        return int(attributes.get(key, "0"))
+    except ValueError as error:
+        raise broken(f"{key}={attributes.get(key)!r} is not a whole number", pointer) from error

@@ -1,0 +1,74 @@
+"""Checked numbers and rings, shared by the annotation readers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.errors import InputError
+from gcvec.io.rle import Counts
+
+Ring = NDArray[np.float64]
+
+_FARTHEST = 1e7
+"""Coordinates beyond this are nonsense, not a shape that leaves the picture."""
+
+
+def broken(message: str, pointer: str) -> InputError:
+    return InputError(f"{pointer}: {message}", code="broken-annotations", pointer=pointer)
+
+
+def ring_from(values: Sequence[object], pointer: str) -> Ring:
+    """A ring `(n, 2)` from x, y, x, y …; raises `InputError` on anything but pairs of finite numbers."""
+    try:
+        flat = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise broken("its coordinates are not numbers", pointer) from error
+    if flat.ndim != 1 or len(flat) % 2:
+        raise broken("its coordinates are not pairs of x and y", pointer)
+    if not (np.abs(flat) <= _FARTHEST).all():
+        raise broken("a coordinate is not finite or far out of range", pointer)
+    return flat.reshape(-1, 2)
+
+
+def finite(value: object, pointer: str) -> float:
+    """One finite number; raises `InputError` on anything else."""
+    return float(ring_from([value, 0], pointer)[0, 0])
+
+
+def counts_from(values: list[int], area: int, pointer: str) -> Counts:
+    """Run lengths that fill `area` pixels exactly; raises `InputError` on anything else."""
+    try:
+        counts = np.array(values)
+    except ValueError as error:
+        raise broken("its run lengths are not whole numbers", pointer) from error
+    if counts.ndim != 1 or counts.dtype.kind not in "iu":
+        raise broken("its run lengths are not whole numbers", pointer)
+    if (counts < 0).any() or (counts > area).any() or int(counts.sum()) != area:
+        raise broken(f"its run lengths do not add up to the {area} pixels of the mask", pointer)
+    return counts.astype(np.int64)
+
+
+def rectangle(left: float, top: float, right: float, bottom: float) -> Ring:
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]], dtype=np.float64)
+
+
+def ellipse(cx: float, cy: float, rx: float, ry: float) -> Ring:
+    """An ellipse as a polygon that stays within 1/100 px of it."""
+    radius = max(abs(rx), abs(ry), 0.02)
+    count = math.ceil(math.pi / math.acos(1 - 0.01 / radius))
+    angle = np.linspace(0, 2 * math.pi, max(count, 16), endpoint=False)
+    return np.column_stack([cx + rx * np.cos(angle), cy + ry * np.sin(angle)])
+
+
+def rotated(ring: Ring, degrees: float, cx: float, cy: float) -> Ring:
+    """The ring turned about `(cx, cy)`, clockwise as seen on the screen (y points down)."""
+    if degrees == 0:
+        return ring
+    turn = math.radians(degrees)
+    matrix = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    centre = np.array([cx, cy])
+    return np.asarray((ring - centre) @ matrix + centre, dtype=np.float64)

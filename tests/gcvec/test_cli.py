@@ -1,0 +1,262 @@
+"""The command as users and scripts run it: exit codes, one line of error, files written."""
+
+import json
+import os
+import pty
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+WIDTH, HEIGHT = 64, 48
+
+
+def gcvec(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gcvec.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
+
+
+def refused(run: subprocess.CompletedProcess[str], *named: object) -> None:
+    """Bad input: exit 2, and one line on stderr that holds all of `named`."""
+    assert run.returncode == 2, run.stderr
+    assert run.stdout == ""
+    assert run.stderr.startswith("gcvec: ")
+    assert run.stderr.count("\n") == 1
+    for part in named:
+        assert str(part) in run.stderr
+
+
+def annotations(*, width: int = WIDTH, height: int = HEIGHT, name: str = "photo.png") -> str:
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<annotations><version>1.1</version><image id="0" name="{name}" width="{width}" height="{height}">
+<polygon label="ground" points="0,0;{WIDTH},0;{WIDTH},{HEIGHT};0,{HEIGHT}" z_order="0"></polygon>
+<polygon label="box" points="16,12;45,15;41,36;18,33" z_order="1"></polygon>
+</image></annotations>"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A photo with its regions, and all that `gcvec vectorize` writes for it."""
+    folder = tmp_path_factory.mktemp("cli")
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    ground = np.stack([60 + x, 90 + y, 200 - x - y], axis=-1)
+    box = np.stack([250 - x, 120 + x, 40 + 2 * y], axis=-1)
+    inside = (x >= 17) & (x < 43) & (y >= 14) & (y < 34)
+    Image.fromarray(np.where(inside[..., None], box, ground).astype(np.uint8)).save(folder / "photo.png")
+    (folder / "photo.xml").write_text(annotations())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def vectorized(folder: Path) -> subprocess.CompletedProcess[str]:
+    files = ("photo.png", "-a", "photo.xml", "-o", "photo.gcv", "--report", "r.json", "--preview", "p.png")
+    return gcvec("vectorize", *files, cwd=folder)
+
+
+def test_vectorize_writes_what_it_is_asked_for(
+    folder: Path, vectorized: subprocess.CompletedProcess[str]
+) -> None:
+    assert (vectorized.returncode, vectorized.stdout) == (0, ""), vectorized.stderr
+    assert "%" not in vectorized.stderr
+    report = json.loads((folder / "r.json").read_text())
+    assert report["image"] == {"width": WIDTH, "height": HEIGHT}
+    assert report["bytes"] == (folder / "photo.gcv").stat().st_size
+    assert report["patches"] == len(report["regions"]) == 2
+    assert {region["label"] for region in report["regions"]} == {"ground", "box"}
+    assert report["foldovers"] == 0
+    error = _pixels(folder / "p.png") - _pixels(folder / "photo.png")
+    assert np.mean(error**2) == pytest.approx(report["mse"], abs=0.05)
+    assert sorted(p.name for p in folder.iterdir() if p.name.startswith(".")) == []
+
+
+@pytest.mark.usefixtures("vectorized")
+@pytest.mark.parametrize(("scale", "size"), [("1", (64, 48)), ("2.5", (160, 120))])
+def test_render_png(folder: Path, tmp_path: Path, scale: str, size: tuple[int, int]) -> None:
+    run = gcvec("render", folder / "photo.gcv", "-o", tmp_path / "a.PNG", "--scale", scale)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    with Image.open(tmp_path / "a.PNG") as picture:
+        assert (picture.format, picture.size) == ("PNG", size)
+
+
+@pytest.mark.usefixtures("vectorized")
+def test_raw_samples_pixel_centres(folder: Path, tmp_path: Path) -> None:
+    for name, option in (("raw.png", ["--raw"]), ("box.png", [])):
+        assert gcvec("render", folder / "photo.gcv", "-o", tmp_path / name, *option).returncode == 0
+    assert not np.array_equal(_pixels(tmp_path / "raw.png"), _pixels(tmp_path / "box.png"))
+
+
+@pytest.mark.usefixtures("vectorized")
+def test_render_json(folder: Path, tmp_path: Path) -> None:
+    assert gcvec("render", folder / "photo.gcv", "-o", tmp_path / "a.json").returncode == 0
+    description = json.loads((tmp_path / "a.json").read_text())
+    assert description["format"] == "gcvec/1"
+    assert {patch["label"] for patch in description["patches"]} == {"ground", "box"}
+
+
+@pytest.mark.usefixtures("vectorized")
+def test_compare(folder: Path) -> None:
+    run = gcvec("compare", folder / "photo.png", folder / "photo.gcv", "--json")
+    assert (run.returncode, run.stderr) == (0, "")
+    measured, report = json.loads(run.stdout), json.loads((folder / "r.json").read_text())
+    names = ("mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes", "foldovers")
+    assert tuple(measured) == names
+    assert measured == pytest.approx({name: report[name] for name in names}, abs=1e-6)
+    lines = gcvec("compare", folder / "photo.png", folder / "photo.gcv").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(names)
+
+
+@pytest.mark.usefixtures("vectorized")
+def test_compare_refuses_another_size(folder: Path, tmp_path: Path) -> None:
+    Image.new("RGB", (10, 10)).save(tmp_path / "small.png")
+    refused(gcvec("compare", tmp_path / "small.png", folder / "photo.gcv"), "photo.gcv", "10 x 10", "64 x 48")
+
+
+@pytest.mark.usefixtures("vectorized")
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("-o", "a.bmp"),
+        ("-o", "a"),
+        ("-o", "a.png", "--scale", "0"),
+        ("-o", "a.png", "--scale", "nan"),
+        ("-o", "a.png", "--scale", "1e6"),
+        ("-o", "a.json", "--raw"),
+        ("-o", "nowhere/a.png"),
+    ],
+)
+def test_render_refuses(folder: Path, tmp_path: Path, options: tuple[str, ...]) -> None:
+    refused(gcvec("render", folder / "photo.gcv", *options, cwd=tmp_path))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_pictures(folder: Path, tmp_path: Path) -> None:
+    text = tmp_path / "notes.png"
+    text.write_text("not a picture")
+    truncated = tmp_path / "truncated.png"
+    truncated.write_bytes((folder / "photo.png").read_bytes()[:-100])
+    for image in (tmp_path / "missing.png", tmp_path, text, truncated):
+        refused(gcvec("vectorize", image, "-o", tmp_path / "a.gcv"), image)
+
+
+@pytest.mark.parametrize(
+    ("content", "cause"),
+    [
+        ("<annotations><image", "photo.xml"),
+        ("", "photo.xml"),
+        (annotations(width=640, height=480), "640 x 480"),
+        ('<annotations><image id="0" name="photo.png" width="64" height="48"/></annotations>', "photo.xml"),
+    ],
+    ids=["broken", "empty", "size", "no-region"],
+)
+def test_bad_annotations(folder: Path, tmp_path: Path, content: str, cause: str) -> None:
+    xml = tmp_path / "photo.xml"
+    xml.write_text(content)
+    refused(gcvec("vectorize", folder / "photo.png", "-a", xml, "-o", tmp_path / "a.gcv"), xml, cause)
+    assert not (tmp_path / "a.gcv").exists()
+
+
+def test_image_name(folder: Path, tmp_path: Path) -> None:
+    command = ("vectorize", folder / "photo.png", "-a", folder / "photo.xml", "-o", tmp_path / "a.gcv")
+    refused(gcvec(*command, "--image-name", "other.png"), "photo.xml", "other.png")
+    assert gcvec(*command, "--image-name", "photo.png").returncode == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--strategy", "fast"),
+        ("--target-mse", "0"),
+        ("--target-mse", "nan"),
+        ("--target-mse", "low"),
+        ("--max-points", "-1"),
+        ("--colour",),
+        ("--report", "nowhere/r.json"),
+    ],
+)
+def test_vectorize_refuses(folder: Path, options: tuple[str, ...]) -> None:
+    refused(gcvec("vectorize", "photo.png", "-o", "b.gcv", *options, cwd=folder))
+    assert not (folder / "b.gcv").exists()
+
+
+def test_broken_vector_image(tmp_path: Path) -> None:
+    broken = tmp_path / "a.gcv"
+    for content in (b"", b"not a vector image", bytes(1000)):
+        broken.write_bytes(content)
+        refused(gcvec("render", broken, "-o", tmp_path / "a.png"), broken)
+
+
+def test_unknown_command() -> None:
+    refused(gcvec("vectorise"), "vectorise")
+
+
+def test_help_lists_every_command() -> None:
+    run = gcvec("--help")
+    assert run.returncode == 0
+    for command in ("compare", "render", "serve", "submit", "vectorize"):
+        assert f" {command} " in run.stdout
+
+
+@pytest.mark.usefixtures("vectorized")
+def test_failed_write_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "gcvec.cli", "render", folder / "photo.gcv", "-o", tmp_path / "a.json"]
+    run = subprocess.run(command, capture_output=True, text=True, preexec_fn=_forbid_files_over_1_kb)
+    assert (run.returncode, run.stdout) == (1, "")
+    assert run.stderr.startswith("gcvec: ")
+    assert run.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def _forbid_files_over_1_kb() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+
+def test_progress_bar_on_a_terminal(folder: Path, tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "gcvec.cli", "vectorize", "photo.png", "-o", tmp_path / "a.gcv"]
+    process = subprocess.Popen(
+        [*command, "-a", "photo.xml"], stderr=theirs, cwd=folder, env={**os.environ, "TERM": "xterm"}
+    )
+    os.close(theirs)
+    shown = b""
+    try:
+        while chunk := os.read(ours, 65536):
+            shown += chunk
+    except OSError:  # how Linux says that the other end is closed
+        pass
+    os.close(ours)
+    assert process.wait() == 0
+    assert b"%" in shown
+    assert b"MSE" in shown
+
+
+def test_interrupt_is_quiet(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (600, 800, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(tmp_path / "noise.png")
+    command = [
+        sys.executable,
+        "-m",
+        "gcvec.cli",
+        "vectorize",
+        "noise.png",
+        "-o",
+        "a.gcv",
+        "--max-points",
+        "0",
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (130, "")
+    assert [p.name for p in tmp_path.iterdir()] == ["noise.png"]
+
+
+def _pixels(path: Path) -> np.ndarray:
+    with Image.open(path) as picture:
+        return np.asarray(picture.convert("RGB")).astype(float)
