@@ -6,8 +6,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gcvec.annotations import Annotations, Shape
     from gcvec.errors import InputError
+    from gcvec.metrics import Report
     from gcvec.options import Options
+    from gcvec.pipeline import vectorize
     from gcvec.progress import OnProgress, Progress
+    from gcvec.vector_image import VectorImage
 
 _HOMES = {
     "Annotations": "gcvec.annotations",
@@ -15,10 +18,23 @@ _HOMES = {
     "OnProgress": "gcvec.progress",
     "Options": "gcvec.options",
     "Progress": "gcvec.progress",
+    "Report": "gcvec.metrics",
     "Shape": "gcvec.annotations",
+    "VectorImage": "gcvec.vector_image",
+    "vectorize": "gcvec.pipeline",
 }
 
-__all__ = ["Annotations", "InputError", "OnProgress", "Options", "Progress", "Shape"]
+__all__ = [
+    "Annotations",
+    "InputError",
+    "OnProgress",
+    "Options",
+    "Progress",
+    "Report",
+    "Shape",
+    "VectorImage",
+    "vectorize",
+]
 
 if not TYPE_CHECKING:  # a type checker that saw this would accept any name
 

@@ -15,7 +15,7 @@ from scipy import sparse
 from gcvec.boundary import Network
 from gcvec.color_space import ColorSpace, color_space
 from gcvec.domain import FINEST_LEVEL, raise_levels
-from gcvec.drawing import Drawing, draw, folded
+from gcvec.drawing import FLATNESS, Drawing, draw, folded
 from gcvec.mesh import Mesh, build_mesh
 from gcvec.patch import Blend, Geometry, blend, geometry
 from gcvec.raster import Coverage
@@ -53,9 +53,9 @@ class Canvas:
     blend: Blend
     places: Floats
 
-    def drawing(self, scale: float = 1.0) -> Drawing:
+    def drawing(self, flatness: float = FLATNESS) -> Drawing:
         f = self.foundation
-        return draw(f.network, f.samples, f.control_points, self.mesh, self.places, scale)
+        return draw(f.network, f.samples, f.control_points, self.mesh, self.places, flatness)
 
     def operator(self, drawing: Drawing) -> tuple[sparse.csr_array, Ints]:
         """R from unknowns to colours, and which colour each corner of the drawing's triangles has."""
@@ -90,15 +90,32 @@ def lay_unfolded_foundation(network: Network, hard: NDArray[np.bool_]) -> Founda
 
     In the limit the polygons are the sampled curves and S is the identity, so this ends.
     """
+    foundation = lay_foundation(network, hard)
     while True:
-        foundation = lay_foundation(network, hard)
         mesh = foundation.geometry.mesh
-        corners = mesh.triangles[folded(foundation.geometry.image, mesh.triangles)]
-        touched = np.unique(foundation.samples.curve[corners[corners < mesh.n_samples]])
-        coarse = [c for c in touched if c >= 0 and network.curves[c].level < FINEST_LEVEL]
-        if not coarse:
+        finer = refined_domains(foundation, mesh.triangles[folded(foundation.geometry.image, mesh.triangles)])
+        if finer is None:
             return foundation
-        network = raise_levels(network, coarse)
+        foundation = finer
+
+
+def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
+    """The foundation with parameter polygons twice as close to the curves that pass through these mesh vertices.
+
+    None where there are no such curves, or all of them are followed as closely as can be.
+    """
+    network, samples = foundation.network, foundation.samples
+    on_boundary = np.unique(corners[corners < len(samples)])
+    curves = set(samples.curve[on_boundary].tolist())
+    nodes = set(on_boundary[on_boundary < samples.n_nodes].tolist())
+    touched = [
+        c
+        for c, curve in enumerate(network.curves)
+        if (c in curves or curve.start in nodes or curve.end in nodes)
+        and not curve.on_frame
+        and curve.level < FINEST_LEVEL
+    ]
+    return lay_foundation(raise_levels(network, touched), foundation.hard) if touched else None
 
 
 def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FLATNESS = 0.05
-"""Largest distance between a drawn polyline and its curve, output pixels."""
+"""Distance between a drawn polyline and its curve, in output pixels, that nobody sees."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ def draw(
     control_points: Floats,
     mesh: Mesh,
     interior: Floats,
-    scale: float = 1.0,
+    flatness: float,
 ) -> Drawing:
-    """Tessellate the mesh for output at `scale`.
+    """Tessellate the mesh until polylines lie within `flatness` pixels of their curves; infinity: not at all.
 
     `control_points` `(c, 2)` are those of all curves, `interior` `(v - n_samples, 2)` the places of the interior vertices.
     """
     on_curve = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
-    pieces = _pieces(network, samples, control_points, FLATNESS / scale)
+    pieces = _pieces(network, samples, control_points, flatness)
     while True:
         cut = np.flatnonzero(pieces > 1)
         extra = _extra_parameters(samples, cut, pieces[cut])

@@ -19,7 +19,7 @@ from gcvec.samples import BoundarySamples
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-FINEST_CELL = 4
+FINEST_CELL = 8
 COARSEST_LEVEL = 6
 """Free points stand in the middle of clear quadtree cells of 4 to 256 pixels."""
 

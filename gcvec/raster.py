@@ -221,3 +221,35 @@ def triangle_at_pixel_centres(
 ) -> NDArray[np.int32]:
     """`(height, width) int32`: the triangle that holds each pixel's centre, -1 where there is none."""
     return np.asarray(_locate(vertices, triangles, width, height))
+
+
+@njit(cache=True, nogil=True)
+def _sample(vertices, triangles, colors, corner_color, owner):
+    height, width = owner.shape
+    picture = np.zeros((height * width, colors.shape[1]))
+    for y in range(height):
+        for x in range(width):
+            t = owner[y, x]
+            if t < 0:
+                continue
+            a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+            ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
+            px, py = x + 0.5 - a[0], y + 0.5 - a[1]
+            area = ux * vy - uy * vx
+            s, r = (px * vy - py * vx) / area, (ux * py - uy * px) / area
+            for k in range(colors.shape[1]):
+                picture[y * width + x, k] = (
+                    (1 - s - r) * colors[corner_color[t, 0], k]
+                    + s * colors[corner_color[t, 1], k]
+                    + r * colors[corner_color[t, 2], k]
+                )
+    return picture
+
+
+def sample(
+    vertices: Floats, triangles: Ints, colors: Floats, corner_color: Ints, width: int, height: int
+) -> Floats:
+    """The picture `(height, width, c)` at pixel centres, without filtering."""
+    owner = triangle_at_pixel_centres(vertices, triangles, width, height)
+    picture = _sample(vertices, triangles, np.ascontiguousarray(colors), corner_color, owner)
+    return np.asarray(picture).reshape(height, width, -1)

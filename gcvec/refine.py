@@ -14,10 +14,11 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gcvec.canonical import Canvas, Foundation, lay_canvas
+from gcvec.canonical import Canvas, Foundation, lay_canvas, refined_domains
 from gcvec.drawing import Drawing
 from gcvec.least_squares import bounded_least_squares
 from gcvec.raster import Coverage
+from gcvec.timing import StageClock
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -29,7 +30,7 @@ FINAL_WEIGHT = 0.2
 BOUNDARY_WEIGHT = 0.05
 """Pull of a boundary colour towards its first estimate (section 4.3)."""
 
-CLEARANCE = 0.6
+CLEARANCE = 0.3
 """Control points keep this far from the edges of their parameter polygon, pixels."""
 
 GROWTH = 0.3
@@ -50,8 +51,12 @@ class Fit:
 
 @dataclass(frozen=True)
 class Refined:
-    """Control points `(n, 2)` as pixels of the parameter domain, and all unknown colours, boundary first."""
+    """Control points `(n, 2)` as pixels of the parameter domain, and all unknown colours, boundary first.
 
+    The foundation is the one given, or one with finer parameter polygons where points asked for it.
+    """
+
+    foundation: Foundation
     points: Ints
     colors: Floats
 
@@ -74,6 +79,7 @@ def refine_batch(
     target_mse: float,
     max_points: int,
     on_step: Callable[[Step], None],
+    clock: StageClock,
 ) -> Refined:
     """Control points and colours that bring the picture `(h, w, 3)` in [0, 1] to `target_mse` (0-255 scale).
 
@@ -85,59 +91,83 @@ def refine_batch(
     seen = np.zeros((0, 3))
     iteration = 0
     while True:
-        canvas, points, seen = _unfolded_canvas(foundation, points, seen, blocked)
-        drawing = canvas.drawing()
-        coverage = canvas.coverage(drawing)
-        matrix = _matrix(canvas, drawing, coverage)
-        fit = fit_colors(matrix, truth, boundary_colors, seen, FITTING_WEIGHT)
-        square = ((fit.picture - truth) ** 2).sum(axis=1)
-        mse = square.mean() / 3 * 65025
-        score, worst_pixel = _score(coverage.start, coverage.pixel, coverage.weights, square)
-        by_region = np.bincount(drawing.patch, score)
+        with clock.stage("mesh_harmonic"):
+            canvas, points, seen = _unfolded_canvas(foundation, points, seen, blocked)
+            foundation = canvas.foundation
+        with clock.stage("evaluation"):
+            drawing = canvas.drawing()
+            coverage = canvas.coverage(drawing)
+        with clock.stage("optimization"):
+            fit = fit_colors(canvas, drawing, coverage, truth, boundary_colors, seen, FITTING_WEIGHT)
+        with clock.stage("evaluation"):
+            square = ((fit.picture - truth) ** 2).sum(axis=1)
+            mse = square.mean() / 3 * 65025
+            score, worst_pixel = _score(coverage.start, coverage.pixel, coverage.weights, square)
+            by_region = np.bincount(drawing.patch, score)
         iteration += 1
         worst = float(np.abs(fit.picture - truth).max() * 255)
         on_step(Step(iteration, len(points), int(by_region.argmax()), worst, float(mse)))
         if mse <= target_mse:
             break
-        wanted = min(GROWTH * len(points) + FIRST_POINTS * len(truth) + 1, (mse / target_mse - 1) * len(points) + 64)
+        wanted = min(
+            GROWTH * len(points) + FIRST_POINTS * len(truth) + 1, (mse / target_mse - 1) * len(points) + 64
+        )
         new = _choose(foundation, canvas, drawing, score, worst_pixel, blocked, int(wanted), max_points)
         if not len(new):
             break
         points = np.concatenate([points, new])
         seen = np.concatenate([seen, picture[new[:, 1], new[:, 0]]])
-    fit = fit_colors(matrix, truth, boundary_colors, seen, FINAL_WEIGHT)
-    return Refined(points, fit.colors)
+    with clock.stage("optimization"):
+        fit = fit_colors(canvas, drawing, coverage, truth, boundary_colors, seen, FINAL_WEIGHT)
+    return Refined(foundation, points, fit.colors)
 
 
 def _unfolded_canvas(
     foundation: Foundation, points: Ints, seen: Floats, blocked: NDArray[np.bool_]
 ) -> tuple[Canvas, Ints, Floats]:
-    """A canvas without fold-over: control points in triangles that turn over are taken out for good."""
+    """A canvas without fold-over.
+
+    Control points in triangles that turn over are taken out for good; triangles that turn over without one ask for parameter
+    polygons closer to their curves.
+    """
     while True:
         canvas = lay_canvas(foundation, points)
-        corners = canvas.mesh.triangles[canvas.foldovers()] - canvas.mesh.n_samples
-        bad = np.unique(corners[(corners >= 0) & (corners < len(points))])
-        if not len(bad):
+        corners = canvas.mesh.triangles[canvas.foldovers()]
+        if not len(corners):
             return canvas, points, seen
-        blocked[points[bad, 1], points[bad, 0]] = True
-        points, seen = np.delete(points, bad, axis=0), np.delete(seen, bad, axis=0)
-
-
-def _matrix(canvas: Canvas, drawing: Drawing, coverage: Coverage) -> sparse.csr_array:
-    """M = B R, from unknown colours to pixels."""
-    operator, corner_color = canvas.operator(drawing)
-    return coverage.matrix(corner_color, operator.shape[0]) @ operator
+        bad = np.unique(corners[(corners >= canvas.mesh.n_samples) & (corners < canvas.mesh.first_free)])
+        bad -= canvas.mesh.n_samples
+        if len(bad):
+            blocked[points[bad, 1], points[bad, 0]] = True
+            points, seen = np.delete(points, bad, axis=0), np.delete(seen, bad, axis=0)
+            continue
+        finer = refined_domains(foundation, corners)
+        if finer is None:
+            return canvas, points, seen
+        foundation = finer
 
 
 def fit_colors(
-    matrix: sparse.csr_array, truth: Floats, boundary_colors: Floats, seen: Floats, weight: float
+    canvas: Canvas,
+    drawing: Drawing,
+    coverage: Coverage,
+    truth: Floats,
+    boundary_colors: Floats,
+    seen: Floats,
+    weight: float,
 ) -> Fit:
-    """Equation (7), with the boundary colours among the unknowns: every colour in [0, 1]."""
+    """Equation (7), with the boundary colours among the unknowns: every colour in [0, 1].
+
+    ŷ = B R x, where R takes the unknowns to the mesh and B the mesh to pixels.
+    """
+    operator, corner_color = canvas.operator(drawing)
+    to_pixels = coverage.matrix(corner_color, operator.shape[0])
     prior = np.concatenate([boundary_colors, seen])
     pull = np.concatenate([np.full(len(boundary_colors), BOUNDARY_WEIGHT), np.full(len(seen), weight)])
-    normal = (matrix.T @ matrix + sparse.diags_array(pull)).tocsr()
-    colors = bounded_least_squares(normal, matrix.T @ truth + pull[:, None] * prior)
-    return Fit(colors, matrix @ colors)
+    normal = operator.T @ (to_pixels.T @ to_pixels) @ operator + sparse.diags_array(pull)
+    right = operator.T @ (to_pixels.T @ truth) + pull[:, None] * prior
+    colors = bounded_least_squares(normal.tocsr(), right)
+    return Fit(colors, to_pixels @ (operator @ colors))
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,124 @@
+"""The patch description, format "gcvec/1": complete, so that a client can draw the picture from it alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.color_space import LEFT, RIGHT
+from gcvec.planar_graph import OUTSIDE
+from gcvec.vector_image import VectorImage
+
+FORMAT = "gcvec/1"
+DRAWING_SCALE = 4.0
+"""The triangles that come along are flat enough for drawing at this scale."""
+
+
+def describe(image: VectorImage) -> dict[str, Any]:
+    """JSON-ready description. Positions are pixels, colours sRGB in [0, 1]."""
+    report = image.report
+    return {
+        "format": FORMAT,
+        "image": {"width": image.width, "height": image.height},
+        "curves": _curves(image),
+        "patches": _patches(image),
+        "mesh": _mesh(image),
+        "metrics": _metrics(image),
+        "seconds": dict(report.seconds) if report else {},
+        "warnings": list(image.warnings),
+    }
+
+
+def _rounded(values: NDArray[np.float64], digits: int = 4) -> list[Any]:
+    rounded: list[Any] = np.round(values, digits).tolist()
+    return rounded
+
+
+def _metrics(image: VectorImage) -> dict[str, Any]:
+    if image.report is None:
+        return {"patches": len(image.labels), "points": len(image.points), "foldovers": image.foldovers}
+    report = image.report.as_dict()
+    return {key: value for key, value in report.items() if key not in ("image", "seconds", "regions")}
+
+
+def _curves(image: VectorImage) -> list[dict[str, Any]]:
+    foundation = image.foundation
+    offsets, unknown = foundation.samples.offsets, foundation.space.of_control
+    curves = []
+    for c, curve in enumerate(image.network.curves):
+        own = slice(offsets[c], offsets[c + 1])
+        sides = {}
+        for name, side, patch in (("right", RIGHT, curve.right), ("left", LEFT, curve.left)):
+            if patch != OUTSIDE:
+                sides[name] = _rounded(image.boundary_colors[unknown[side, own]])
+        hard = bool(image.hard[c])
+        curves.append(
+            {
+                "id": c,
+                "degree": 3,
+                "closed": curve.closed,
+                "segments": curve.segments,
+                "control_points": _rounded(foundation.control_points[own]),
+                "hard": hard,
+                "colors": sides if hard else next(iter(sides.values())),
+                "left": None if curve.left == OUTSIDE else curve.left,
+                "right": None if curve.right == OUTSIDE else curve.right,
+            }
+        )
+    return curves
+
+
+def _patches(image: VectorImage) -> list[dict[str, Any]]:
+    samples = image.foundation.samples
+    first_edge = np.searchsorted(samples.edge_curve, np.arange(len(image.network.curves) + 1))
+    owner = image.patch_of_points
+    domain = image.canvas.mesh.vertices[samples.domain.shape[0] :]
+    patches = []
+    for k, label in enumerate(image.labels):
+        loops, polygons = [], []
+        for loop in image.network.loops[k]:
+            spans, polygon = [], []
+            for c, forward in loop:
+                edges = np.arange(first_edge[c], first_edge[c + 1])[:: 1 if forward else -1]
+                for edge in edges:
+                    u0, u1 = samples.edge_u[edge][:: 1 if forward else -1]
+                    spans.append({"curve": c, "from": float(u0), "to": float(u1)})
+                    polygon.append(_rounded(samples.domain[samples.edge_ends[edge, 0 if forward else 1]]))
+            loops.append(spans)
+            polygons.append(polygon)
+        at = np.flatnonzero(owner == k)
+        patch = {
+            "id": k,
+            "label": label,
+            "loops": loops,
+            "domain": polygons,
+            "points": [
+                {"domain": d, "image": p, "color": color}
+                for d, p, color in zip(
+                    _rounded(domain[at]),
+                    _rounded(image.canvas.places[at]),
+                    _rounded(image.point_colors[at]),
+                    strict=True,
+                )
+            ],
+        }
+        if image.report:
+            region = image.report.regions[k]
+            patch["metrics"] = {"points": region.points, "iterations": region.iterations, "mse": region.mse}
+        patches.append(patch)
+    return patches
+
+
+def _mesh(image: VectorImage) -> dict[str, Any]:
+    """The canonical mesh as it is drawn: one entry a corner colour, so that hard edges stay sharp."""
+    vertices, triangles, colors, corner_color = image.gouraud(DRAWING_SCALE)
+    pairs, corner = np.unique(
+        triangles.astype(np.int64) * len(colors) + corner_color, return_inverse=True
+    )
+    return {
+        "positions": _rounded(vertices[pairs // len(colors)], 3),
+        "colors": _rounded(np.clip(colors[pairs % len(colors)], 0, 1), 4),
+        "triangles": corner.reshape(-1, 3).tolist(),
+    }

@@ -1,0 +1,107 @@
+"""How close a vector image comes to its photo, and what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.errors import InputError
+
+if TYPE_CHECKING:
+    from gcvec.vector_image import VectorImage
+
+STAGES = ("total", "regions", "boundary", "mesh_harmonic", "evaluation", "optimization", "encode")
+
+
+@dataclass(frozen=True)
+class RegionReport:
+    """One patch: its control points, the iterations that gave it some, and its mean squared error."""
+
+    id: int
+    label: str
+    points: int
+    iterations: int
+    mse: float
+
+
+@dataclass(frozen=True)
+class Report:
+    """Errors are on the 0-255 scale, over R, G and B, of the box-filtered picture (`mse_raw`: of pixel centres)."""
+
+    width: int
+    height: int
+    patches: int
+    points: int
+    mse: float
+    mse_raw: float
+    mae: float
+    psnr: float
+    ssim: float
+    bytes: int
+    foldovers: int
+    strategy: str = ""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    regions: tuple[RegionReport, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report as JSON-ready data."""
+        result = asdict(self)
+        size = {"width": result.pop("width"), "height": result.pop("height")}
+        return {"image": size, **result, "seconds": dict(self.seconds)}
+
+
+def compare(pixels: NDArray[np.uint8], image: VectorImage, n_bytes: int) -> Report:
+    """Measure `image` against its photo `(h, w, 3) uint8`; `InputError` when the sizes differ."""
+    height, width = pixels.shape[:2]
+    if (width, height) != (image.width, image.height):
+        raise InputError(
+            f"the picture is {width} x {height} pixels, the vector image {image.width} x {image.height}",
+            code="size-mismatch",
+        )
+    rendered = image.render()
+    error = rendered.astype(np.float64) - pixels
+    mse = float((error**2).mean())
+    raw = image.render(raw=True).astype(np.float64) - pixels
+    return Report(
+        width=width,
+        height=height,
+        patches=len(image.labels),
+        points=len(image.points),
+        mse=mse,
+        mse_raw=float((raw**2).mean()),
+        mae=float(np.abs(error).mean()),
+        psnr=psnr(mse),
+        ssim=ssim(pixels, rendered),
+        bytes=n_bytes,
+        foldovers=image.foldovers,
+        regions=_regions(image, (error**2).mean(axis=2)),
+    )
+
+
+def _regions(image: VectorImage, square: NDArray[np.float64]) -> tuple[RegionReport, ...]:
+    n = len(image.labels)
+    owner = image.foundation.geometry.patch_at().ravel()
+    area = np.maximum(np.bincount(owner, minlength=n), 1)
+    mse = np.bincount(owner, square.ravel(), n) / area
+    points = np.bincount(image.patch_of_points, minlength=n)
+    return tuple(RegionReport(k, image.labels[k], int(points[k]), 0, float(mse[k])) for k in range(n))
+
+
+def psnr(mse: float) -> float:
+    """Peak signal-to-noise ratio in dB; 100 for equal pictures, so that it stays a number in JSON."""
+    return float(min(10 * np.log10(255**2 / mse), 100.0)) if mse > 0 else 100.0
+
+
+def ssim(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
+    """Structural similarity (Wang et al. 2004) with a 7 x 7 window, smaller for smaller pictures."""
+    from skimage.metrics import structural_similarity
+
+    window = min(7, *a.shape[:2])
+    window -= 1 - window % 2
+    if window < 3:
+        return 1.0 if np.array_equal(a, b) else 0.0
+    return float(structural_similarity(a, b, win_size=window, channel_axis=2, data_range=255))

@@ -1,0 +1,142 @@
+"""Photo and regions → vector image: the stages in the order of the paper's Fig. 4."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.annotations import Annotations
+from gcvec.boundary import Network, boundary_network
+from gcvec.boundary_color import color_samples, fit_boundary_colors, hard_edges
+from gcvec.canonical import lay_unfolded_foundation
+from gcvec.codec import decode, encode, rounded_network
+from gcvec.components import absorb_slivers
+from gcvec.domain import without_crossings
+from gcvec.metrics import compare
+from gcvec.options import Options
+from gcvec.partition import Partition, partition
+from gcvec.planar_graph import PlanarGraph, planar_graph
+from gcvec.progress import OnProgress, Progress
+from gcvec.refine import Step, refine_batch
+from gcvec.snap import snap_borders
+from gcvec.timing import StageClock
+from gcvec.vector_image import VectorImage
+
+SNAP = 2.5
+"""Annotated borders move by at most this many pixels onto image edges."""
+
+
+def vectorize(
+    pixels: NDArray[np.uint8],
+    annotations: Annotations | None = None,
+    options: Options | None = None,
+    on_progress: OnProgress | None = None,
+) -> VectorImage:
+    """Vectorize a photo `(h, w, 3) uint8`.
+
+    Without annotations the regions are found automatically. `on_progress` hears of every stage and every refinement
+    iteration; an exception it raises ends the run. Raises `InputError` for regions that cannot be used.
+    """
+    options = options or Options()
+    start = time.perf_counter()
+    clock = StageClock()
+    height, width = pixels.shape[:2]
+    picture = pixels / 255.0
+    tell = _Teller(on_progress, options.target_mse)
+
+    tell.stage("regions", 0.01)
+    with clock.stage("regions"):
+        regions = _regions(pixels, picture, annotations)
+    tell.regions = len(regions.names)
+    tell.stage("boundary", 0.05)
+    with clock.stage("boundary"):
+        network = fitted_network(planar_graph(regions.labels), width, height)
+        samples = color_samples(network)
+        hard = hard_edges(network, samples, picture, regions.labels)
+    tell.stage("mesh", 0.1)
+    with clock.stage("mesh_harmonic"):
+        foundation = lay_unfolded_foundation(network, hard)
+    with clock.stage("boundary"):
+        boundary_colors = fit_boundary_colors(
+            foundation.network, foundation.space, hard, samples, picture, regions.labels
+        )
+    refined = refine_batch(
+        foundation, boundary_colors, picture, options.target_mse, options.max_points, tell.iteration, clock
+    )
+    tell.stage("encode", 0.97)
+    with clock.stage("encode"):
+        n = foundation.space.size
+        order = np.lexsort((refined.points[:, 0], refined.points[:, 1]))
+        image = VectorImage(
+            refined.foundation.network, hard, refined.colors[:n], refined.points[order], refined.colors[n:][order],
+            regions.names,
+        )
+        data = encode(image)
+        image = decode(data)
+    with clock.stage("evaluation"):
+        report = compare(pixels, image, len(data))
+    seconds = {**clock.seconds, "total": time.perf_counter() - start}
+    report = replace(report, strategy=options.strategy, seconds=seconds)
+    result = replace(image, warnings=regions.warnings, report=report)
+    tell.done(report.points, report.mse)
+    return result
+
+
+def _regions(
+    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None
+) -> Partition:
+    height, width = pixels.shape[:2]
+    if annotations is None:
+        whole = np.zeros((height, width), np.int32)
+        return Partition(whole, ("picture",), ())
+    regions = partition(annotations, width, height)
+    return replace(regions, labels=snap_borders(regions.labels, picture, SNAP))
+
+
+def fitted_network(graph: PlanarGraph, width: int, height: int) -> Network:
+    """Boundary curves on the file's grid whose parameter polygons cross nowhere.
+
+    Curves that cross each other, as they may around regions a pixel or two wide, are fitted ever closer to the label map's border.
+    """
+    distances: dict[int, float] = {}
+    while True:
+        network = rounded_network(boundary_network(graph, width, height, distances))
+        network, crossing = without_crossings(network)
+        pending = [c for c in crossing if distances.get(c, 1.0) > 0]
+        if not pending:
+            return network
+        for c in pending:
+            distances[c] = {1.0: 0.25, 0.25: 0.1}.get(distances.get(c, 1.0), 0.0)
+
+
+class _Teller:
+    """Progress reports whose fraction never falls."""
+
+    def __init__(self, on_progress: OnProgress | None, target_mse: float) -> None:
+        self.on_progress = on_progress
+        self.target_mse = target_mse
+        self.regions = 0
+        self.fraction = 0.0
+        self.first_mse: float | None = None
+
+    def _tell(self, phase: str, region: int, iteration: int, points: int, worst: float | None, mse: float | None) -> None:
+        if self.on_progress:
+            self.on_progress(Progress(phase, region, self.regions, iteration, points, worst, mse, self.fraction))
+
+    def stage(self, phase: str, fraction: float) -> None:
+        self.fraction = max(self.fraction, fraction)
+        self._tell(phase, 0, 0, 0, None, None)
+
+    def iteration(self, step: Step) -> None:
+        """Progress through refinement is measured by the logarithm of the error still to go."""
+        self.first_mse = self.first_mse or max(step.mse, self.target_mse * 1.001)
+        gone = np.log(self.first_mse / max(step.mse, self.target_mse)) / np.log(self.first_mse / self.target_mse)
+        self.fraction = max(self.fraction, 0.1 + 0.85 * float(np.clip(gone, 0, 1)))
+        self._tell("refine", step.worst_region, step.iteration, step.points, step.worst_error, step.mse)
+
+    def done(self, points: int, mse: float) -> None:
+        self.fraction = 1.0
+        self._tell("encode", 0, 0, points, None, mse)

@@ -1,0 +1,144 @@
+"""The result: a picture made of generalized Coons patches, which renders, saves, loads and describes itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec import raster
+from gcvec.boundary import Network
+from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation
+from gcvec.drawing import FLATNESS
+
+if TYPE_CHECKING:
+    from gcvec.metrics import Report
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class VectorImage:
+    """A vector image: what a `.gcv` file holds, and all that follows from it.
+
+    network          boundary curves and the loops they form around each patch
+    hard             (c,) bool, the curves that carry two sets of colours
+    boundary_colors  (b, 3) float64 in [0, 1], colours of the boundary unknowns (see `color_space`)
+    points           (n, 2) int64, interior control points as pixels of the parameter domain, by rows
+    point_colors     (n, 3) float64 in [0, 1]
+    labels           the label of each patch
+    control_points   (c, 2) float64, control points of all curves after an edit; None: those of the network
+    """
+
+    network: Network
+    hard: NDArray[np.bool_]
+    boundary_colors: Floats
+    points: Ints
+    point_colors: Floats
+    labels: tuple[str, ...]
+    control_points: Floats | None = None
+    warnings: tuple[str, ...] = ()
+    report: Report | None = field(default=None)
+
+    @property
+    def width(self) -> int:
+        return self.network.width
+
+    @property
+    def height(self) -> int:
+        return self.network.height
+
+    @property
+    def curves(self) -> tuple[Any, ...]:
+        """The boundary curves of the network."""
+        return self.network.curves
+
+    @property
+    def patches(self) -> tuple[str, ...]:
+        """The labels of the patches, one for each."""
+        return self.labels
+
+    @cached_property
+    def foundation(self) -> Foundation:
+        return lay_foundation(self.network, self.hard, self.control_points)
+
+    @cached_property
+    def canvas(self) -> Canvas:
+        """The canonical mesh."""
+        return lay_canvas(self.foundation, self.points)
+
+    @property
+    def colors(self) -> Floats:
+        """All unknown colours `(b + n, 3)`."""
+        return np.concatenate([self.boundary_colors, self.point_colors])
+
+    @cached_property
+    def foldovers(self) -> int:
+        """Triangles of the canonical mesh that the patches turn over."""
+        return len(self.canvas.foldovers())
+
+    @cached_property
+    def patch_of_points(self) -> Ints:
+        """`(n,)` patch of every interior control point."""
+        mesh = self.canvas.mesh
+        owner = np.zeros(len(mesh.vertices), np.int64)
+        owner[mesh.triangles] = mesh.patch[:, None]
+        return owner[mesh.n_samples : mesh.first_free]
+
+    def gouraud(self, scale: float = 1.0) -> tuple[Floats, Ints, Floats, Ints]:
+        """The picture as triangles for output at `scale`.
+
+        Returns vertices `(v, 2)` in pixels of the picture, triangles `(t, 3)`, colours `(k, 3)` and the colour `(t, 3)` of each
+        triangle's corners; vertices on hard edges have several colours.
+        """
+        drawing = self.canvas.drawing(FLATNESS / scale)
+        operator, corner_color = self.canvas.operator(drawing)
+        return drawing.image, drawing.triangles, operator @ self.colors, corner_color
+
+    def render(self, scale: float = 1.0, raw: bool = False) -> NDArray[np.uint8]:
+        """The picture `(round(height * scale), round(width * scale), 3) uint8`, sRGB.
+
+        Every pixel is the average over its square; with `raw` it is the colour at its centre.
+        """
+        height, width = (max(1, round(n * scale)) for n in (self.height, self.width))
+        vertices, triangles, colors, corner_color = self.gouraud(scale)
+        paint = raster.sample if raw else raster.paint
+        stretch = np.array([width / self.width, height / self.height])
+        picture = paint(vertices * stretch, triangles, colors, corner_color, width, height)
+        return to_8_bit(picture)
+
+    def to_bytes(self) -> bytes:
+        """The `.gcv` file."""
+        from gcvec.codec import encode
+
+        return encode(self)
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> VectorImage:
+        """Read a `.gcv` file; `InputError` when it is not a whole one."""
+        from gcvec.codec import decode
+
+        return decode(data)
+
+    def save(self, path: str | Path) -> None:
+        Path(path).write_bytes(self.to_bytes())
+
+    @classmethod
+    def load(cls, path: str | Path) -> VectorImage:
+        return cls.from_bytes(Path(path).read_bytes())
+
+    def description(self) -> dict[str, Any]:
+        """The complete description as JSON-ready data, format "gcvec/1"."""
+        from gcvec.export.description import describe
+
+        return describe(self)
+
+
+def to_8_bit(picture: Floats) -> NDArray[np.uint8]:
+    """Colours in [0, 1] as bytes, rounded to nearest."""
+    return np.asarray(np.clip(picture, 0, 1) * 255 + 0.5).astype(np.uint8)
