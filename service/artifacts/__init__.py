@@ -1,0 +1,3 @@
+from service.artifacts.endpoints import router
+
+__all__ = ["router"]

@@ -1,0 +1,3 @@
+from service.health.endpoints import router
+
+__all__ = ["router"]

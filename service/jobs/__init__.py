@@ -1,0 +1,3 @@
+from service.jobs.endpoints import router
+
+__all__ = ["router"]
