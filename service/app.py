@@ -11,8 +11,11 @@ from pathlib import Path
 from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
-from service import artifacts, errors, health, jobs
+from service import errors
+from service.artifacts import endpoints as artifacts
 from service.deps import Services
+from service.health import endpoints as health
+from service.jobs import endpoints as jobs
 from service.jobs.repository import Changes, JobRepository, connect
 from service.jobs.uploads import LimitBody
 from worker import storage
@@ -30,6 +33,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=version("gcvec"),
         summary="Photos into vector images made of generalized Coons patches",
         lifespan=_lifespan,
+        generate_unique_id_function=lambda route: route.name,
     )
     app.state.settings = settings
     app.add_middleware(LimitBody, settings=settings)
@@ -47,12 +51,13 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
     client = connect(settings.broker_url)
     changes = Changes(client)
+    queue = create_celery(settings)
     app.state.services = Services(
         settings=settings,
         jobs=JobRepository(client),
         changes=changes,
         store=storage.open_store(settings.storage),
-        queue=create_celery(settings),
+        queue=queue,
     )
     listening = asyncio.create_task(changes.listen())
     try:
@@ -62,3 +67,4 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         with suppress(asyncio.CancelledError):
             await listening
         await client.aclose()
+        queue.close()

@@ -46,6 +46,7 @@ def private_broker(folder: Path) -> PrivateBroker:
             "appendfsync everysec",
             'save ""',
             "maxmemory-policy noeviction",
+            f'logfile "{folder.absolute() / "log"}"',
             "loglevel warning",
             "daemonize no",
         )

@@ -37,7 +37,7 @@ def get_owner() -> str:
 
 ServicesDep = Annotated[Services, Depends(get_services)]
 OwnerDep = Annotated[str, Depends(get_owner)]
-JobId = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="The job's id.")]
+JobId = Annotated[str, Path(description="The job's id.")]
 
 
 async def get_job(job_id: JobId, services: ServicesDep, owner: OwnerDep) -> Job:

@@ -60,7 +60,9 @@ def install(app: FastAPI) -> None:
         return answer(problem("invalid-request", first["msg"], pointer))
 
     @app.exception_handler(HTTPException)
-    async def _http(_: Request, error: HTTPException) -> JSONResponse:
+    async def _http(request: Request, error: HTTPException) -> JSONResponse:
+        if isinstance(error.__cause__, ProblemError):  # raised while the framework read the body
+            return await _problem(request, error.__cause__)
         code = _CODES.get(error.status_code, "invalid-request")
         found = problem(code, str(error.detail))
         return answer(Problem(found.type, found.title, error.status_code, found.detail), error.headers)

@@ -76,6 +76,7 @@ class Child:
 
     def stop(self) -> None:
         """Ask the child to end, and end it if it does not."""
+        logger.info("stopping %s", self.command.name)
         if self._process.poll() is None:
             self._process.send_signal(self.command.stop_signal)
         try:

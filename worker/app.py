@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import resource
+import warnings
 from typing import Any, Final
 
 from celery import Celery, signals
+from celery.exceptions import SecurityWarning
 
 from worker.process import die_with
 from worker.settings import Settings, get_settings
@@ -29,7 +31,7 @@ def create_celery(settings: Settings) -> Celery:
         task_reject_on_worker_lost=True,
         task_time_limit=hard_limit,
         worker_prefetch_multiplier=1,
-        worker_soft_shutdown_timeout=10.0,
+        worker_soft_shutdown_timeout=5.0,
         worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_proc_alive_timeout=120.0,
         worker_hijack_root_logger=False,
@@ -46,6 +48,9 @@ def create_celery(settings: Settings) -> Celery:
     )
     return app
 
+
+# Celery warns of running as root because of messages that execute code; ours are JSON.
+warnings.filterwarnings("ignore", category=SecurityWarning)
 
 app = create_celery(get_settings())
 

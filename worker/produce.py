@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from gcvec.export.png import png
-from gcvec.metrics import compare
 from numpy.typing import NDArray
 
 from gcvec import Options, VectorImage, vectorize
 from gcvec.export import error_map, patch_overlay
+from gcvec.export.png import png
 from gcvec.io import read_annotations, read_picture
+from gcvec.metrics import compare
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
 

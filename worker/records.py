@@ -67,7 +67,7 @@ class Job:
     expires_at: float | None = None
     progress: Mapping[str, Any] | None = None
     error: Mapping[str, Any] | None = None
-    warnings: Sequence[str] = ()
+    warnings: tuple[str, ...] = ()
     bytes: int = 0
     last_event: int = 0
 
@@ -93,7 +93,10 @@ class Job:
         if "created_at" not in fields:
             return None
         plain = {"owner", "status"}
-        values = {name: value if name in plain else json.loads(value) for name, value in fields.items()}
+        values: dict[str, Any] = {
+            name: value if name in plain else json.loads(value) for name, value in fields.items()
+        }
+        values["warnings"] = tuple(values["warnings"])
         return cls(id=job_id, **values)
 
 

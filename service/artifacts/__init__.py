@@ -1,3 +1,0 @@
-from service.artifacts.endpoints import router
-
-__all__ = ["router"]

@@ -19,10 +19,10 @@ def _serve(name: str, kind: Kind, summary: str) -> None:
         headers = {"Content-Disposition": disposition}
         return await file_response(request, services.store, file, kind.media_type, headers)
 
+    router.add_api_route(f"/{kind.route}", endpoint, methods=["HEAD"], include_in_schema=False)
     router.add_api_route(
         f"/{kind.route}",
         endpoint,
-        methods=["GET", "HEAD"],
         name=f"get_{name}",
         summary=summary,
         response_class=Response,

@@ -1,3 +1,0 @@
-from service.health.endpoints import router
-
-__all__ = ["router"]

@@ -1,3 +1,0 @@
-from service.jobs.endpoints import router
-
-__all__ = ["router"]

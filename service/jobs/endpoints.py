@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, File, Form, Header, Query, Response, UploadFile
-from fastapi.sse import EventSourceResponse
+from fastapi.responses import StreamingResponse
 
 from service.deps import JobDep, OwnerDep, ServicesDep
 from service.errors import ProblemError
@@ -34,7 +34,7 @@ async def submit_job(
     upload = Upload(
         image=await read_file(image, "image", services.settings),
         picture_name=image.filename or None,
-        annotations=annotations and await read_file(annotations, "annotations", services.settings),
+        annotations=await read_file(annotations, "annotations", services.settings) if annotations else None,
         options=read_options(options),
     )
     job = await service.submit(services, owner, upload)
@@ -79,7 +79,12 @@ async def get_job(
     return JobView.of(job)
 
 
-@router.get("/{job_id}/events", response_class=EventSourceResponse, summary="Watch a job")
+@router.get(
+    "/{job_id}/events",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"text/event-stream": {}}}, 204: {"description": "Nothing is to come"}},
+    summary="Watch a job",
+)
 async def watch_job(
     job: JobDep,
     services: ServicesDep,
@@ -93,7 +98,8 @@ async def watch_job(
     if job.finished and last_event_id >= job.last_event:
         return Response(status_code=204)
     events = service.stream(services, job, last_event_id)
-    return EventSourceResponse(events, headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"})
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(events, headers=headers, media_type="text/event-stream")
 
 
 @router.delete("/{job_id}", status_code=204, summary="Cancel or delete a job")

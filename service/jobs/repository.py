@@ -44,7 +44,7 @@ def connect(broker_url: str) -> redis.Redis:
         socket_timeout=5,
         retry=Retry(NoBackoff(), 1),
     )
-    return redis.Redis(connection_pool=pool)
+    return redis.Redis.from_pool(pool)
 
 
 @dataclass(frozen=True)

@@ -96,12 +96,13 @@ async def stream(services: Services, job: Job, after: int) -> AsyncIterator[byte
     async with services.changes.watch(job.id, progress=True) as changed:
         while True:
             changed.clear()
-            for event in await services.jobs.events(job.id, after):
+            events = await services.jobs.events(job.id, after)
+            for event in events:
                 after = event.number
                 yield await _encode(services, job, event)
                 if event.kind == "state":
                     return
-            if not await _wait(changed, _PING_SECONDS):
+            if not events and not await _wait(changed, _PING_SECONDS):
                 if (await services.jobs.find(job.id))[1] is None:
                     return  # deleted or expired meanwhile
                 yield format_sse_event(comment="still here")
