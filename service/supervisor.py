@@ -52,6 +52,7 @@ class Child:
             command.arguments,
             env={**os.environ, **command.environment},
             stdin=subprocess.DEVNULL if command.stdin is None else subprocess.PIPE,
+            stdout=subprocess.DEVNULL,  # what children have to say goes to stderr or a log
             pass_fds=command.inherited,
             start_new_session=True,
             preexec_fn=partial(die_with, os.getpid()),

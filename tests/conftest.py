@@ -28,11 +28,8 @@ class RunningService:
     def stop(self) -> int:
         """Ask it to end; its exit code."""
         self.process.send_signal(signal.SIGTERM)
-        return self.process.wait(30)
-
-    def kill(self) -> None:
-        self.process.kill()
-        self.process.wait()
+        self.process.communicate(timeout=30)
+        return self.process.returncode
 
 
 def start_service(data: Path, *options: str, **environment: str) -> RunningService:
