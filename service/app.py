@@ -1,0 +1,70 @@
+"""The HTTP application."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+
+from fastapi import FastAPI
+from fastapi.staticfiles import StaticFiles
+
+from service import errors
+from service.artifacts import endpoints as artifacts
+from service.deps import Services
+from service.health import endpoints as health
+from service.jobs import endpoints as jobs
+from service.jobs.repository import Changes, JobRepository, connect
+from service.jobs.uploads import LimitBody
+from worker import storage
+from worker.app import create_celery
+from worker.settings import Settings, get_settings
+
+_STATIC = Path(__file__).parent / "static"
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The application with these settings, those of the environment by default."""
+    settings = settings or get_settings()
+    app = FastAPI(
+        title="gcvec",
+        version=version("gcvec"),
+        summary="Photos into vector images made of generalized Coons patches",
+        lifespan=_lifespan,
+        generate_unique_id_function=lambda route: route.name,
+    )
+    app.state.settings = settings
+    app.add_middleware(LimitBody, settings=settings)
+    errors.install(app)
+    app.include_router(jobs.router)
+    app.include_router(artifacts.router)
+    app.include_router(health.router)
+    if _STATIC.is_dir():
+        app.mount("/", StaticFiles(directory=_STATIC, html=True), name="client")
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    settings: Settings = app.state.settings
+    client = connect(settings.broker_url)
+    changes = Changes(client)
+    queue = create_celery(settings)
+    app.state.services = Services(
+        settings=settings,
+        jobs=JobRepository(client),
+        changes=changes,
+        store=storage.open_store(settings.storage),
+        queue=queue,
+    )
+    listening = asyncio.create_task(changes.listen())
+    try:
+        yield
+    finally:
+        listening.cancel()
+        with suppress(asyncio.CancelledError):
+            await listening
+        await client.aclose()
+        queue.close()

@@ -1,0 +1,73 @@
+"""Stored files over HTTP: entity tags, conditional requests and byte ranges (RFC 9110)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import obstore
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+from obstore.store import ObjectStore
+
+from service.errors import ProblemError
+from worker.storage import StoredFile
+
+_SINGLE_RANGE = re.compile(r"bytes=(\d*)-(\d*)$")
+
+
+async def file_response(
+    request: Request, store: ObjectStore, file: StoredFile, media_type: str, headers: Mapping[str, str]
+) -> Response:
+    """The file, the part of it that was asked for, or 304 if the client has it already."""
+    etag = f'"{file.sha256}"'
+    common = {
+        "ETag": etag,
+        "Accept-Ranges": "bytes",
+        "Cache-Control": "private, no-cache",
+        "X-Content-Type-Options": "nosniff",
+        **headers,
+    }
+    if _lists(request.headers.get("if-none-match"), etag):
+        return Response(status_code=304, headers=common)
+    wanted = _range(request, etag, file.size)
+    start, stop = wanted or (0, file.size)
+    if wanted is not None:
+        common["Content-Range"] = f"bytes {start}-{stop - 1}/{file.size}"
+    common["Content-Length"] = str(stop - start)
+    status = 200 if wanted is None else 206
+    if request.method == "HEAD" or start == stop:
+        return Response(status_code=status, headers=common, media_type=media_type)
+    try:
+        found = await obstore.get_async(store, file.path, options={"range": (start, stop)})
+    except FileNotFoundError:
+        raise ProblemError("gone", "the job has expired or was deleted") from None
+    return StreamingResponse(found.stream(), status, common, media_type)
+
+
+def _lists(header: str | None, etag: str) -> bool:
+    tags = [] if header is None else [tag.strip().removeprefix("W/") for tag in header.split(",")]
+    return etag in tags or "*" in tags
+
+
+def _range(request: Request, etag: str, size: int) -> tuple[int, int] | None:
+    """The bytes wanted, [start, stop); None for all. A header that is not one range of bytes is ignored."""
+    if request.headers.get("if-range", etag) != etag:
+        return None
+    match = _SINGLE_RANGE.match(request.headers.get("range", "").replace(" ", ""))
+    if match is None or match.groups() == ("", ""):
+        return None
+    first, last = match.groups()
+    if first == "":
+        start, stop = max(0, size - int(last)), size
+    else:
+        start, stop = int(first), min(size, int(last) + 1 if last else size)
+        if last and int(last) < int(first):
+            return None
+    if start >= size or start >= stop:
+        raise ProblemError(
+            "range-not-satisfiable",
+            f"the file has {size} bytes",
+            headers={"Content-Range": f"bytes */{size}"},
+        )
+    return start, stop

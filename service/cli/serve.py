@@ -1,0 +1,111 @@
+"""`gcvec serve`: API, workers and, unless one is named, a broker, in one command."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import signal
+import socket
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Annotated, Final
+from urllib.error import URLError
+
+from typer import Option
+
+from gcvec.errors import InputError
+from service.broker import private_broker, wait_until_ready
+from service.supervisor import Command, Supervisor
+from worker.settings import Settings
+
+_READY_SECONDS: Final = 60.0
+
+
+def serve(
+    host: Annotated[str, Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, Option(min=0, max=65535, help="Port to listen on; 0: a free one.")] = 8000,
+    workers: Annotated[int, Option(min=0, help="Jobs at a time; 0: one a core.")] = 0,
+    data: Annotated[Path, Option(file_okay=False, help="Folder for files and queue.")] = Path("gcvec-data"),
+) -> None:
+    """Run the whole service until interrupted: API, workers and a private broker.
+
+    With GCVEC_BROKER_URL set, that server is used and none is started. GCVEC_STORAGE_URL, GCVEC_API_KEYS,
+    GCVEC_RETENTION and the limits are read from the environment too.
+    """
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s", stream=sys.stderr)
+    settings = Settings(data_dir=data)
+    data.mkdir(parents=True, exist_ok=True)
+    with _locked(data), closing(_listen(host, port)) as listener, Supervisor() as supervisor:
+        environment = {"GCVEC_DATA_DIR": str(data.absolute()), "GCVEC_STORAGE_URL": settings.storage}
+        if "GCVEC_BROKER_URL" not in os.environ:
+            broker = private_broker(data / "broker")
+            supervisor.start(broker.command)
+            environment["GCVEC_BROKER_URL"] = broker.url
+            if not wait_until_ready(broker.url, _READY_SECONDS):
+                raise RuntimeError("the private broker does not start")
+        for command in _commands(environment, listener, workers or os.cpu_count() or 1):
+            supervisor.start(command)
+        _announce(supervisor, listener)
+        while not supervisor.stopping:
+            supervisor.look_after()
+
+
+def _commands(environment: Mapping[str, str], listener: socket.socket, workers: int) -> tuple[Command, ...]:
+    handle = listener.fileno()
+    api = ("-m", "service.server", str(handle))
+    worker = ("-m", "celery", "-A", "worker.app", "--quiet", "worker", "--loglevel", "INFO")
+    fleet = ("--concurrency", str(workers), "--without-gossip", "--without-mingle", "--without-heartbeat")
+    return (
+        Command("API", (sys.executable, *api), environment, inherited=(handle,)),
+        Command(
+            "worker",
+            (sys.executable, *worker, *fleet),
+            environment,
+            stop_signal=signal.SIGQUIT,
+            stop_seconds=20.0,
+        ),
+    )
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """The listening socket. The API inherits it, so that connections wait while the API is started again."""
+    try:
+        return socket.create_server((host, port), family=_family(host), backlog=2048)
+    except OSError as error:
+        raise InputError(f"cannot listen on {host}:{port}: {error.strerror}", code="bad-option") from error
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold a data folder for one service at a time. Raises InputError if another has it."""
+    with (folder / "lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{folder}: another service uses this folder", code="bad-option") from None
+        yield
+
+
+def _announce(supervisor: Supervisor, listener: socket.socket) -> None:
+    """Print the address once the service answers."""
+    host, port = listener.getsockname()[:2]
+    url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+    deadline = time.monotonic() + _READY_SECONDS
+    while not supervisor.stopping and time.monotonic() < deadline:
+        try:
+            with urllib.request.urlopen(f"{url}/readyz", timeout=2):
+                print(f"gcvec serves {url}", flush=True)
+                return
+        except (URLError, OSError):
+            supervisor.look_after()
+    if not supervisor.stopping:
+        raise RuntimeError("the API does not start")

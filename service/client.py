@@ -1,0 +1,107 @@
+"""A client of the HTTP interface."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+
+import httpx
+
+from gcvec.errors import InputError
+from gcvec.progress import OnProgress, Progress
+
+_PATIENCE: Final = 10
+_PAUSE_SECONDS: Final = 1.0
+
+
+class Client:
+    """Submits pictures, follows jobs and fetches their files.
+
+    Raises InputError for what the service refuses, RuntimeError for what goes wrong on its side, and
+    httpx.TransportError where it cannot be reached.
+    """
+
+    def __init__(self, url: str, key: str | None = None) -> None:
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = httpx.Client(base_url=url, headers=headers, timeout=60)
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._http.close()
+
+    def submit(self, image: Path, annotations: Path | None, options: Mapping[str, Any]) -> dict[str, Any]:
+        """Upload a picture; the job that was made of it."""
+        files = {"image": (image.name, image.read_bytes())}
+        if annotations is not None:
+            files["annotations"] = (annotations.name, annotations.read_bytes())
+        answer = self._http.post("/v1/jobs", files=files, data={"options": json.dumps(options)})
+        return _content(answer)
+
+    def follow(self, job: Mapping[str, Any], on_progress: OnProgress | None) -> dict[str, Any]:
+        """Wait for the end of a job, telling of its progress; the job as it ended."""
+        last, failures = "0", 0
+        while True:
+            try:
+                for identity, kind, data in self._events(job["links"]["events"], last):
+                    last, failures = identity or last, 0
+                    if kind == "progress" and on_progress is not None:
+                        on_progress(Progress(**data))
+                    if kind == "state":
+                        return data
+            except httpx.TransportError:
+                failures += 1
+                if failures > _PATIENCE:
+                    raise
+            time.sleep(_PAUSE_SECONDS)
+
+    def download(self, link: str, path: Path) -> None:
+        """Fetch a file of a job."""
+        with self._http.stream("GET", link) as answer, path.open("wb") as file:
+            if answer.is_error:
+                answer.read()
+                _content(answer)
+            for part in answer.iter_bytes():
+                file.write(part)
+
+    def _events(self, link: str, last: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
+        """The events of a job after the one numbered `last`: id, kind and data of each."""
+        with self._http.stream("GET", link, headers={"Last-Event-ID": last}) as answer:
+            if answer.is_error:
+                answer.read()
+                _content(answer)
+            event: dict[str, str] = {}
+            for line in answer.iter_lines():
+                name, _, value = line.partition(":")
+                if name:
+                    event[name] = value.removeprefix(" ")
+                elif "data" in event:
+                    yield event.get("id", ""), event.get("event", "message"), json.loads(event["data"])
+                    event = {}
+
+
+def _content(answer: httpx.Response) -> dict[str, Any]:
+    """The JSON of an answer. Raises InputError or RuntimeError for a problem document."""
+    if answer.is_error:
+        try:
+            problem = answer.json()
+        except ValueError:
+            problem = {"status": answer.status_code, "detail": f"HTTP {answer.status_code}"}
+        raise problem_error(problem)
+    content: dict[str, Any] = answer.json()
+    return content
+
+
+def problem_error(problem: Mapping[str, Any]) -> InputError | RuntimeError:
+    """What a problem document means to a caller: input at fault, or the service."""
+    if problem["status"] >= 500:
+        return RuntimeError(problem["detail"])
+    code = str(problem.get("type", "refused")).rpartition(":")[2]
+    return InputError(problem["detail"], code=code, pointer=problem.get("pointer"))

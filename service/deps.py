@@ -1,0 +1,53 @@
+"""What endpoints ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from celery import Celery
+from fastapi import Depends, Path, Request
+from obstore.store import ObjectStore
+
+from service.errors import ProblemError
+from service.jobs.repository import Changes, JobRepository
+from worker.records import Job
+from worker.settings import Settings
+
+
+@dataclass(frozen=True)
+class Services:
+    """What one API process shares among its requests. None of it is state: that is in Redis and the store."""
+
+    settings: Settings
+    jobs: JobRepository
+    changes: Changes
+    store: ObjectStore
+    queue: Celery
+
+
+def get_services(request: Request) -> Services:
+    services: Services = request.app.state.services
+    return services
+
+
+def get_owner() -> str:
+    return "anyone"
+
+
+ServicesDep = Annotated[Services, Depends(get_services)]
+OwnerDep = Annotated[str, Depends(get_owner)]
+JobId = Annotated[str, Path(description="The job's id.")]
+
+
+async def get_job(job_id: JobId, services: ServicesDep, owner: OwnerDep) -> Job:
+    """The caller's job. Another owner's is answered like one that never was."""
+    found_owner, job = await services.jobs.find(job_id)
+    if found_owner != owner:
+        raise ProblemError("not-found", "there is no job of this id")
+    if job is None or job.expired:
+        raise ProblemError("gone", "the job has expired or was deleted")
+    return job
+
+
+JobDep = Annotated[Job, Depends(get_job)]

@@ -1,0 +1,83 @@
+"""Every error answer of the API: `application/problem+json` after RFC 9457."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from redis.exceptions import RedisError
+from starlette.exceptions import HTTPException
+
+from gcvec.errors import InputError
+from worker.problems import Problem, input_problem, problem
+
+logger = logging.getLogger(__name__)
+
+_CODES = {401: "unauthorized", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
+
+
+class ProblemError(Exception):
+    """An error that ends the request with a problem document."""
+
+    def __init__(
+        self, code: str, detail: str, *, pointer: str | None = None, headers: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(detail)
+        self.problem = problem(code, detail, pointer)
+        self.headers = dict(headers or {})
+
+
+def unavailable(detail: str) -> ProblemError:
+    """A part of the service is away; the client had better come back in a few seconds."""
+    return ProblemError("unavailable", detail, headers={"Retry-After": "5"})
+
+
+def answer(found: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    """The problem as a response."""
+    return JSONResponse(
+        found.as_dict(), found.status, dict(headers or {}), media_type="application/problem+json"
+    )
+
+
+def install(app: FastAPI) -> None:
+    """Have every error of the application answered with a problem document."""
+
+    @app.exception_handler(ProblemError)
+    async def _problem(_: Request, error: ProblemError) -> JSONResponse:
+        return answer(error.problem, error.headers)
+
+    @app.exception_handler(InputError)
+    async def _input(_: Request, error: InputError) -> JSONResponse:
+        return answer(input_problem(error))
+
+    @app.exception_handler(RequestValidationError)
+    async def _invalid(_: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        pointer = "/" + "/".join(str(part) for part in first["loc"])
+        return answer(problem("invalid-request", first["msg"], pointer))
+
+    @app.exception_handler(HTTPException)
+    async def _http(request: Request, error: HTTPException) -> JSONResponse:
+        if isinstance(error.__cause__, ProblemError):  # raised while the framework read the body
+            return await _problem(request, error.__cause__)
+        code = _CODES.get(error.status_code, "invalid-request")
+        found = problem(code, str(error.detail))
+        return answer(Problem(found.type, found.title, error.status_code, found.detail), error.headers)
+
+    @app.exception_handler(RedisError)
+    async def _broker(_: Request, error: RedisError) -> JSONResponse:
+        logger.warning("broker: %s", type(error).__name__)
+        return answer(*_away("the job records cannot be reached"))
+
+    @app.exception_handler(Exception)
+    async def _unexpected(_: Request, error: Exception) -> JSONResponse:
+        logger.error("unexpected error", exc_info=error)
+        return answer(problem("internal-error", "the request failed for a reason that was logged"))
+
+
+def _away(detail: str) -> tuple[Problem, Mapping[str, str]]:
+    error = unavailable(detail)
+    return error.problem, error.headers

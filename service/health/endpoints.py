@@ -1,0 +1,38 @@
+"""Whether the service lives, and whether it can work."""
+
+from __future__ import annotations
+
+import logging
+
+import obstore
+from fastapi import APIRouter
+from obstore.exceptions import BaseError
+from redis.exceptions import RedisError
+
+from service.deps import ServicesDep
+from service.errors import unavailable
+
+logger = logging.getLogger(__name__)
+router = APIRouter(tags=["health"])
+
+
+@router.get("/livez", summary="Is the process alive?")
+async def live() -> dict[str, str]:
+    return {"status": "ok"}
+
+
+@router.get("/readyz", summary="Can it take jobs?")
+async def ready(services: ServicesDep) -> dict[str, str]:
+    """Reaches for the broker and the store."""
+    try:
+        await services.jobs.ping()
+    except RedisError as error:
+        raise unavailable("the broker cannot be reached") from error
+    try:
+        await obstore.head_async(services.store, "jobs/none")
+    except FileNotFoundError:
+        pass
+    except (BaseError, OSError) as error:
+        logger.warning("storage: %s", type(error).__name__)
+        raise unavailable("the storage cannot be reached") from error
+    return {"status": "ok"}

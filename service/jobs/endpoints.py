@@ -1,0 +1,108 @@
+"""`/v1/jobs`: submit, watch, list and delete jobs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, File, Form, Header, Query, Response, UploadFile
+from fastapi.responses import StreamingResponse
+
+from service.deps import JobDep, OwnerDep, ServicesDep
+from service.errors import ProblemError
+from service.jobs import service
+from service.jobs.repository import cursor, position
+from service.jobs.schemas import JobPage, JobView, job_path
+from service.jobs.uploads import Upload, read_file, read_options
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+_RETRY_AFTER = "1"
+
+
+@router.post("", status_code=202, summary="Submit a picture")
+async def submit_job(
+    services: ServicesDep,
+    owner: OwnerDep,
+    image: Annotated[UploadFile, File(description="the picture: PNG, JPEG, WebP or TIFF")],
+    response: Response,
+    annotations: Annotated[
+        UploadFile | None, File(description="its regions: CVAT XML, COCO JSON or a zip with either")
+    ] = None,
+    options: Annotated[str | None, Form(description="JSON object, see JobOptions")] = None,
+) -> JobView:
+    """Queue a picture for vectorization. The answer's `Location` is the job."""
+    upload = Upload(
+        image=await read_file(image, "image", services.settings),
+        picture_name=image.filename or None,
+        annotations=await read_file(annotations, "annotations", services.settings) if annotations else None,
+        options=read_options(options),
+    )
+    job = await service.submit(services, owner, upload)
+    response.headers["Location"] = job_path(job.id)
+    response.headers["Retry-After"] = _RETRY_AFTER
+    return JobView.of(job)
+
+
+@router.get("", summary="List jobs")
+async def list_jobs(
+    services: ServicesDep,
+    owner: OwnerDep,
+    cursor_text: Annotated[str | None, Query(alias="cursor", max_length=200)] = None,
+    limit: Annotated[int, Query(ge=1, le=100)] = 20,
+) -> JobPage:
+    """The caller's jobs, newest first."""
+    try:
+        before = None if cursor_text is None else position(cursor_text)
+    except (ValueError, TypeError):
+        raise ProblemError(
+            "invalid-request", "the cursor is not one of ours", pointer="/query/cursor"
+        ) from None
+    jobs = await services.jobs.page(owner, before, limit + 1)
+    more = len(jobs) > limit
+    shown = jobs[:limit]
+    following = f"/v1/jobs?limit={limit}&cursor={cursor(shown[-1])}" if more else None
+    return JobPage(jobs=[JobView.of(job) for job in shown], next=following)
+
+
+@router.get("/{job_id}", summary="Look at a job")
+async def get_job(
+    job: JobDep,
+    services: ServicesDep,
+    response: Response,
+    wait: Annotated[float, Query(ge=0, le=30, description="seconds to wait for the end of the job")] = 0,
+) -> JobView:
+    """The job as it is now, or as it is once it has finished or `wait` seconds have passed."""
+    job = await service.wait(services, job, wait)
+    if not job.finished:
+        response.headers["Retry-After"] = _RETRY_AFTER
+    response.headers["Cache-Control"] = "no-store"
+    return JobView.of(job)
+
+
+@router.get(
+    "/{job_id}/events",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"text/event-stream": {}}}, 204: {"description": "Nothing is to come"}},
+    summary="Watch a job",
+)
+async def watch_job(
+    job: JobDep,
+    services: ServicesDep,
+    last_event_id: Annotated[int, Header(ge=0)] = 0,
+) -> Response:
+    """Server-sent events: `snapshot`, one `progress` a refinement iteration, a final `state`, then the end.
+
+    Events carry increasing ids; `Last-Event-ID` resumes after one. A client that has seen the final
+    state gets 204, which stops browsers from connecting again.
+    """
+    if job.finished and last_event_id >= job.last_event:
+        return Response(status_code=204)
+    events = service.stream(services, job, last_event_id)
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(events, headers=headers, media_type="text/event-stream")
+
+
+@router.delete("/{job_id}", status_code=204, summary="Cancel or delete a job")
+async def delete_job(job: JobDep, services: ServicesDep) -> None:
+    """Cancel a job that has not finished; remove its input and results."""
+    await service.delete(services, job)

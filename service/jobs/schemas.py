@@ -1,0 +1,118 @@
+"""The JSON of jobs, in and out."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from gcvec.options import Options
+from worker.artifacts import KINDS
+from worker.records import Job, Status
+
+Name = Annotated[str, StringConstraints(max_length=1024)]
+
+
+class JobOptions(BaseModel):
+    """The options of one vectorization: those of the command line."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    strategy: Literal["batch", "paper"] = Field(
+        Options.strategy,
+        description="how interior control points are placed: batch is fast, paper as published",
+    )
+    target_mse: float = Field(
+        Options.target_mse, description="mean squared error (0-255 scale) at which refinement stops"
+    )
+    max_points: int = Field(
+        Options.max_points, description="most interior control points of one region; 0: no limit"
+    )
+    workers: int = Field(Options.workers, description="threads; 0: as many as the server grants")
+    regions: int = Field(Options.regions, description="automatic regions wanted; 0: the picture decides")
+    image_name: Name | None = Field(
+        None, description="the picture's name in an annotation file of several; default: its file name"
+    )
+
+    def to_engine(self) -> Options:
+        """The engine's options. Raises gcvec.InputError naming the option that is out of range."""
+        return Options(**self.model_dump(exclude={"image_name"}))
+
+
+class ProgressView(BaseModel):
+    """How far a job is: one refinement iteration, or a phase before it."""
+
+    phase: str
+    region: int
+    regions: int
+    iteration: int
+    points: int
+    worst_error: float | None
+    mse: float | None
+    fraction: float
+
+
+class ProblemView(BaseModel):
+    """A problem document (RFC 9457); `pointer` names the offending part of the input."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    pointer: str | None = None
+
+
+class JobView(BaseModel):
+    """A job. `links` holds what can be asked for now."""
+
+    id: str
+    status: Status
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None
+    expires_at: datetime | None
+    progress: ProgressView | None
+    error: ProblemView | None
+    warnings: list[str]
+    links: dict[str, str]
+
+    @classmethod
+    def of(cls, job: Job) -> JobView:
+        return cls.model_validate(
+            {
+                "id": job.id,
+                "status": job.status,
+                "created_at": _moment(job.created_at),
+                "started_at": _moment(job.started_at),
+                "finished_at": _moment(job.finished_at),
+                "expires_at": _moment(job.expires_at),
+                "progress": job.progress,
+                "error": job.error,
+                "warnings": list(job.warnings),
+                "links": _links(job),
+            }
+        )
+
+
+class JobPage(BaseModel):
+    """Some of the caller's jobs, newest first; `next` is the link to older ones."""
+
+    jobs: list[JobView]
+    next: str | None
+
+
+def job_path(job_id: str) -> str:
+    return f"/v1/jobs/{job_id}"
+
+
+def _links(job: Job) -> dict[str, str]:
+    base = job_path(job.id)
+    links = {"self": base, "events": f"{base}/events"}
+    if job.status == "succeeded":
+        links |= {name: f"{base}/{kind.route}" for name, kind in KINDS.items()}
+    return links
+
+
+def _moment(seconds: float | None) -> datetime | None:
+    return None if seconds is None else datetime.fromtimestamp(seconds, UTC)

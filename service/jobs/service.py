@@ -1,0 +1,137 @@
+"""What can be done with jobs."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import time
+import uuid
+from collections.abc import AsyncIterator
+
+import obstore
+from anyio import to_thread
+from fastapi.sse import format_sse_event
+from kombu.exceptions import OperationalError
+
+from service.deps import Services
+from service.errors import unavailable
+from service.jobs.repository import Event
+from service.jobs.schemas import JobView
+from service.jobs.uploads import Upload, check, request_of
+from worker import storage
+from worker.app import JOBS_QUEUE, VECTORIZE
+from worker.records import Job, finish, retire
+
+_PING_SECONDS = 15.0
+
+
+async def submit(services: Services, owner: str, upload: Upload) -> Job:
+    """Check the upload, keep its files, record the job and queue it; on any failure nothing is left."""
+    await to_thread.run_sync(check, upload, services.settings)
+    await services.jobs.ping()
+    job = Job(
+        id=uuid.uuid4().hex,
+        owner=owner,
+        status="queued",
+        created_at=time.time(),
+        request=request_of(upload),
+        bytes=len(upload.image) + len(upload.annotations or b""),
+    )
+    try:
+        await _keep_files(services, job, upload)
+        await services.jobs.create(job)
+        await to_thread.run_sync(_enqueue, services, job.id)
+    except BaseException:
+        await asyncio.shield(_undo(services, job))
+        raise
+    return job
+
+
+async def _keep_files(services: Services, job: Job, upload: Upload) -> None:
+    await obstore.put_async(services.store, storage.image_path(job.id), upload.image)
+    if upload.annotations is not None:
+        await obstore.put_async(services.store, storage.annotations_path(job.id), upload.annotations)
+
+
+def _enqueue(services: Services, job_id: str) -> None:
+    try:
+        services.queue.send_task(VECTORIZE, [job_id], queue=JOBS_QUEUE, retry=False)
+    except OperationalError as error:
+        raise unavailable("the queue cannot be reached") from error
+
+
+async def _undo(services: Services, job: Job) -> None:
+    await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
+    await services.jobs.discard(job)
+
+
+async def wait(services: Services, job: Job, seconds: float) -> Job:
+    """The job as soon as it has finished, or as it is after `seconds`."""
+    deadline = time.monotonic() + seconds
+    async with services.changes.watch(job.id, progress=False) as changed:
+        while not job.finished and (left := deadline - time.monotonic()) > 0:
+            changed.clear()
+            _, now = await services.jobs.find(job.id)
+            if now is None or now.finished:
+                return now or job
+            job = now
+            await _wait(changed, left)
+    return job
+
+
+async def delete(services: Services, job: Job) -> None:
+    """Cancel the job if it has not finished, else forget it; either way its files go."""
+    retention = services.settings.retention.total_seconds()
+    canceled = await services.jobs.run(finish(job.id, "canceled", retention=retention))
+    await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
+    if not canceled and job.status != "canceled":
+        await services.jobs.run(retire(job.id))
+
+
+async def stream(services: Services, job: Job, after: int) -> AsyncIterator[bytes]:
+    """Server-sent events: a snapshot, every event numbered above `after`, the final state, the end."""
+    snapshot = JobView.of(job).model_dump_json()
+    yield format_sse_event(event="snapshot", data_str=snapshot, retry=1000)
+    async with services.changes.watch(job.id, progress=True) as changed:
+        while True:
+            changed.clear()
+            events = await services.jobs.events(job.id, after)
+            for event in events:
+                after = event.number
+                yield await _encode(services, job, event)
+                if event.kind == "state":
+                    return
+            if not events and not await _wait(changed, _PING_SECONDS):
+                if (await services.jobs.find(job.id))[1] is None:
+                    return  # deleted or expired meanwhile
+                yield format_sse_event(comment="still here")
+
+
+async def _encode(services: Services, job: Job, event: Event) -> bytes:
+    data = event.data
+    if event.kind == "state":
+        _, now = await services.jobs.find(job.id)
+        data = JobView.of(now).model_dump_json() if now else json.dumps({"id": job.id, "status": data})
+    return format_sse_event(event=event.kind, data_str=data, id=str(event.number))
+
+
+async def _wait(changed: asyncio.Event, seconds: float) -> bool:
+    """Whether the event came within `seconds`."""
+    try:
+        async with asyncio.timeout(seconds):
+            await changed.wait()
+    except TimeoutError:
+        return False
+    return True
+
+
+def fingerprint(upload: Upload) -> str:
+    """Two uploads with the same fingerprint ask for the same job."""
+    parts = (
+        upload.image,
+        b"" if upload.annotations is None else b"+" + upload.annotations,
+        json.dumps(request_of(upload), sort_keys=True).encode(),
+    )
+    digests = b"".join(hashlib.sha256(part).digest() for part in parts)
+    return hashlib.sha256(digests).hexdigest()

@@ -1,0 +1,120 @@
+"""Uploads: bounded while they stream in, and looked at as far as is cheap before a job is made of them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from fastapi import UploadFile
+from pydantic import ValidationError
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from gcvec.errors import InputError
+from gcvec.io import check_size, probe_picture, read_annotations
+from service.errors import ProblemError, answer
+from service.jobs.schemas import JobOptions
+from worker.settings import Settings, limits
+
+_FORM_OVERHEAD = 1_000_000
+
+
+@dataclass(frozen=True)
+class Upload:
+    """What a client sent to make a job of."""
+
+    image: bytes
+    picture_name: str | None
+    annotations: bytes | None
+    options: JobOptions
+
+
+class LimitBody:
+    """Middleware: a request body may not grow beyond what the largest valid upload needs."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._limit = 2 * settings.max_upload_bytes + _FORM_OVERHEAD
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        seen = 0
+
+        async def counted() -> Message:
+            nonlocal seen
+            message = await receive()
+            seen += len(message.get("body", b""))
+            if seen > self._limit:
+                raise _too_large(self._limit)
+            return message
+
+        headers = dict(scope["headers"])
+        stated = headers.get(b"content-length", b"0")
+        if stated.isdigit() and int(stated) > self._limit:
+            await answer(_too_large(self._limit).problem)(scope, receive, send)
+            return
+        await self._app(scope, counted, send)
+
+
+async def read_file(file: UploadFile, name: str, settings: Settings) -> bytes:
+    """The content of an uploaded file. Raises ProblemError if it is larger than the limit."""
+    data = await file.read(settings.max_upload_bytes + 1)
+    if len(data) > settings.max_upload_bytes:
+        raise _too_large(settings.max_upload_bytes, name)
+    return data
+
+
+def read_options(text: str | None) -> JobOptions:
+    """The options in a JSON object. Raises ProblemError or InputError pointing at the one that is wrong."""
+    try:
+        options = JobOptions.model_validate(json.loads(text or "{}", parse_constant=_refuse))
+    except ValidationError as error:
+        first = error.errors()[0]
+        pointer = "/".join(("/options", *map(str, first["loc"])))
+        raise ProblemError("bad-option", first["msg"], pointer=pointer) from None
+    except (ValueError, RecursionError) as error:
+        raise ProblemError(
+            "bad-option", f"options is not a JSON object: {error}", pointer="/options"
+        ) from None
+    try:
+        options.to_engine()
+    except InputError as error:
+        raise InputError(str(error), code=error.code, pointer=f"/options/{error.pointer}") from None
+    return options
+
+
+def check(upload: Upload, settings: Settings) -> None:
+    """Raise InputError for what can be seen to be unusable without decoding the picture."""
+    bounds = limits(settings)
+    header = probe_picture(upload.image, limits=bounds)
+    if upload.annotations is None:
+        return
+    annotations = read_annotations(
+        upload.annotations,
+        image_name=upload.options.image_name,
+        picture_name=upload.picture_name,
+        limits=bounds,
+    )
+    check_size(annotations, header.width, header.height)
+
+
+def _refuse(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is not a number")
+
+
+def _too_large(limit: int, part: str | None = None) -> ProblemError:
+    what = "the request" if part is None else f"the part {part!r}"
+    pointer = None if part is None else f"/{part}"
+    return ProblemError("too-large", f"{what} is larger than {limit / 1e6:g} MB", pointer=pointer)
+
+
+def request_of(upload: Upload) -> dict[str, Any]:
+    """What a job's record keeps of the upload: everything but the files."""
+    return {
+        "picture_name": upload.picture_name,
+        "image_name": upload.options.image_name,
+        "annotations": upload.annotations is not None,
+        "options": upload.options.model_dump(exclude={"image_name"}),
+    }

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import httpx
+
+from tests.service.conftest import Jobs
+from worker.problems import problem
+from worker.records import claim, finish, report
+
+
+def test_an_unknown_job_is_not_found(api: httpx.Client) -> None:
+    for method, path in (("GET", ""), ("GET", "/events"), ("GET", "/result"), ("DELETE", "")):
+        answer = api.request(method, f"/v1/jobs/{'0' * 32}{path}")
+        assert answer.status_code == 404
+        assert answer.json()["type"] == "urn:gcvec:problem:not-found"
+
+
+def test_a_job_tells_its_progress_and_its_end(api: httpx.Client, jobs: Jobs) -> None:
+    job_id = jobs.submit()
+    jobs.records.run(claim(job_id))
+    progress = {
+        "phase": "refine",
+        "region": 1,
+        "regions": 4,
+        "iteration": 2,
+        "points": 30,
+        "worst_error": 8.0,
+        "mse": 9.5,
+        "fraction": 0.4,
+    }
+    jobs.records.run(report(job_id, 1, [progress]))
+    running = api.get(f"/v1/jobs/{job_id}").json()
+    assert running["status"] == "running"
+    assert running["progress"] == progress
+    error = problem("unknown-image", "no such image", "image 'b'")
+    jobs.records.run(finish(job_id, "failed", error=error, retention=60))
+    failed = api.get(f"/v1/jobs/{job_id}").json()
+    assert failed["status"] == "failed"
+    assert failed["error"] == error.as_dict()
+    assert failed["created_at"] <= failed["started_at"] <= failed["finished_at"] < failed["expires_at"]
+    assert set(failed["links"]) == {"self", "events"}
+
+
+def test_a_long_poll_answers_when_the_job_ends(api: httpx.Client, jobs: Jobs) -> None:
+    job_id = jobs.submit()
+    threading.Timer(0.5, lambda: jobs.records.run(finish(job_id, "canceled", retention=60))).start()
+    started = time.monotonic()
+    answer = api.get(f"/v1/jobs/{job_id}?wait=20").json()
+    assert answer["status"] == "canceled"
+    assert 0.3 < time.monotonic() - started < 5
+
+
+def test_a_long_poll_answers_after_its_time(api: httpx.Client, jobs: Jobs) -> None:
+    job_id = jobs.submit()
+    started = time.monotonic()
+    assert api.get(f"/v1/jobs/{job_id}?wait=0.3").json()["status"] == "queued"
+    assert 0.3 <= time.monotonic() - started < 5
+    assert api.get(f"/v1/jobs/{job_id}?wait=31").status_code == 422
+
+
+def test_deleting_a_queued_job_cancels_it(api: httpx.Client, jobs: Jobs, tmp_path: Path) -> None:
+    job_id = jobs.submit()
+    assert api.delete(f"/v1/jobs/{job_id}").status_code == 204
+    assert api.get(f"/v1/jobs/{job_id}").json()["status"] == "canceled"
+    assert api.get(f"/v1/jobs/{job_id}/result").status_code == 409
+    assert not (tmp_path / "storage/jobs" / job_id).exists()
+    assert jobs.records.run(claim(job_id)) == 0
+    assert api.delete(f"/v1/jobs/{job_id}").status_code == 204
+
+
+def test_deleting_a_finished_job_removes_it(api: httpx.Client, jobs: Jobs, tmp_path: Path) -> None:
+    job_id = jobs.finished()
+    assert api.delete(f"/v1/jobs/{job_id}").status_code == 204
+    for path in ("", "/events", "/result", "/preview.png"):
+        answer = api.get(f"/v1/jobs/{job_id}{path}")
+        assert answer.status_code == 410
+        assert answer.json()["type"] == "urn:gcvec:problem:gone"
+    assert not (tmp_path / "storage/jobs" / job_id).exists()
+    assert api.get("/v1/jobs").json()["jobs"] == []
+
+
+def test_an_expired_job_is_gone_before_it_is_swept(api: httpx.Client, jobs: Jobs) -> None:
+    job_id = jobs.submit()
+    jobs.records.run(finish(job_id, "succeeded", retention=0))
+    assert api.get(f"/v1/jobs/{job_id}").status_code == 410
+
+
+def test_jobs_are_listed_newest_first_page_by_page(api: httpx.Client, jobs: Jobs) -> None:
+    ids = [jobs.submit() for _ in range(5)]
+    seen: list[str] = []
+    link = "/v1/jobs?limit=2"
+    while link:
+        page = api.get(link).json()
+        assert len(page["jobs"]) <= 2
+        seen += [job["id"] for job in page["jobs"]]
+        link = page["next"]
+    assert seen == ids[::-1]
+    for cursor in ("x", "00", "5b5d", "7b7d", "5b312c327d"):
+        assert api.get(f"/v1/jobs?cursor={cursor}").status_code == 422

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.service.conftest import cvat, png, serving
+from worker.records import connect
+from worker.settings import Settings
+
+IMAGE = ("a.png", png())
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def refused(answer: httpx.Response, status: int, code: str) -> dict[str, Any]:
+    problem: dict[str, Any] = answer.json()
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert (answer.status_code, problem["type"]) == (status, f"urn:gcvec:problem:{code}"), problem
+    assert problem["status"] == status
+    assert problem["title"]
+    assert problem["detail"]
+    return problem
+
+
+def test_a_picture_becomes_a_queued_job(api: httpx.Client, settings: Settings, tmp_path: Path) -> None:
+    answer = api.post("/v1/jobs", files={"image": IMAGE, "annotations": ("a.xml", cvat())})
+    assert answer.status_code == 202
+    job = answer.json()
+    assert answer.headers["location"] == f"/v1/jobs/{job['id']}" == job["links"]["self"]
+    assert int(answer.headers["retry-after"]) >= 1
+    assert job["status"] == "queued"
+    assert api.get(job["links"]["self"]).json() == job
+    folder = tmp_path / "storage" / "jobs" / job["id"]
+    assert files_in(folder) == ["input/annotations", "input/image"]
+    assert (folder / "input/image").read_bytes() == IMAGE[1]
+
+
+def test_the_message_is_a_job_id_and_nothing_large_is_in_redis(api: httpx.Client, settings: Settings) -> None:
+    job = api.post("/v1/jobs", files={"image": IMAGE, "annotations": ("a.xml", cvat())}).json()
+    client = connect(settings.broker_url, patient=False)
+    (message,) = client.lrange("gcvec-jobs", 0, -1)
+    assert json.loads(message)["headers"]["argsrepr"] == f"['{job['id']}']"
+    assert all(client.memory_usage(key) < 10_000 for key in client.scan_iter())
+
+
+@pytest.mark.parametrize(
+    ("files", "status", "code", "pointer"),
+    [
+        ({"image": ("a.png", b"no picture")}, 415, "unsupported-picture", None),
+        ({"image": ("a.png", png()[:20])}, 422, "unreadable-picture", None),
+        ({"image": ("a.png", b"")}, 422, "unreadable-picture", None),
+        ({"image": ("a.png", png(201, 5))}, 413, "picture-too-large", None),
+        ({"image": ("a.png", b"x" * 100_001)}, 413, "too-large", "/image"),
+        ({"image": IMAGE, "annotations": ("a.xml", b"x" * 100_001)}, 413, "too-large", "/annotations"),
+        ({"image": IMAGE, "annotations": ("a.xml", b"<annotations>")}, 422, "broken-annotations", ...),
+        ({"image": IMAGE, "annotations": ("a.xml", cvat(width=31))}, 422, "size-mismatch", None),
+        ({"image": IMAGE, "annotations": ("a.xml", b"<annotations/>")}, 422, "unknown-image", None),
+        ({"annotations": ("a.xml", cvat())}, 422, "invalid-request", "/body/image"),
+    ],
+)
+def test_unusable_uploads_are_refused(
+    api: httpx.Client, tmp_path: Path, files: dict[str, Any], status: int, code: str, pointer: Any
+) -> None:
+    problem = refused(api.post("/v1/jobs", files=files), status, code)
+    if pointer is not ...:
+        assert problem.get("pointer") == pointer
+    assert api.get("/v1/jobs").json()["jobs"] == []
+    assert files_in(tmp_path / "storage") == []
+
+
+@pytest.mark.parametrize(
+    ("options", "pointer"),
+    [
+        ('{"target_mse": 0}', "/options/target_mse"),
+        ('{"target_mse": NaN}', "/options"),
+        ('{"target_mse": 1e999}', "/options/target_mse"),
+        ('{"max_points": -1}', "/options/max_points"),
+        ('{"max_points": 1.5}', "/options/max_points"),
+        ('{"strategy": "slow"}', "/options/strategy"),
+        ('{"colour": 1}', "/options/colour"),
+        ("[1]", "/options"),
+        ("{", "/options"),
+        ("[" * 100_000, "/options"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(api: httpx.Client, options: str, pointer: str) -> None:
+    answer = api.post("/v1/jobs", files={"image": IMAGE}, data={"options": options})
+    assert refused(answer, 422, "bad-option")["pointer"] == pointer
+
+
+def test_the_image_must_be_in_the_annotations_when_it_is_named(api: httpx.Client) -> None:
+    files = {"image": IMAGE, "annotations": ("a.xml", cvat("other.png"))}
+    assert api.post("/v1/jobs", files=files).status_code == 202
+    answer = api.post("/v1/jobs", files=files, data={"options": '{"image_name": "b.png"}'})
+    assert "b.png" in refused(answer, 422, "unknown-image")["detail"]
+
+
+def test_a_body_beyond_every_limit_is_refused_while_it_streams(api: httpx.Client) -> None:
+    def flood() -> Any:
+        yield b'--b\r\nContent-Disposition: form-data; name="image"; filename="a.png"\r\n\r\n'
+        for _ in range(100):
+            yield b"x" * 100_000
+
+    headers = {"content-type": "multipart/form-data; boundary=b"}
+    refused(api.post("/v1/jobs", content=flood(), headers=headers), 413, "too-large")
+
+
+def test_a_body_that_states_too_large_a_size_is_not_awaited(api: httpx.Client) -> None:
+    address = (api.base_url.host, api.base_url.port or 0)
+    with socket.create_connection(address, timeout=10) as connection:
+        connection.sendall(b"POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: 10000000000\r\n\r\n")
+        assert connection.recv(1000).startswith(b"HTTP/1.1 413 ")
+
+
+def test_nothing_is_left_when_the_broker_is_away(tmp_path: Path) -> None:
+    away = Settings(broker_url="redis://127.0.0.1:1/0", data_dir=tmp_path)
+    with serving(away) as api:
+        answer = api.post("/v1/jobs", files={"image": IMAGE})
+        refused(answer, 503, "unavailable")
+        assert int(answer.headers["retry-after"]) >= 1
+        refused(api.get("/v1/jobs/x"), 503, "unavailable")
+        refused(api.get("/readyz"), 503, "unavailable")
+        assert api.get("/livez").status_code == 200
+    assert files_in(tmp_path / "storage") == []

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable
+
+import pytest
+
+from gcvec.progress import Progress
+from worker.attempt import Attempt, StopError
+from worker.records import Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
+
+
+@pytest.fixture
+def records(broker_url: str) -> JobRecords:
+    return JobRecords(connect(broker_url, patient=False))
+
+
+@pytest.fixture
+def job_id(broker_url: str, records: JobRecords) -> str:
+    job = Job(id=uuid.uuid4().hex, owner="me", status="queued", created_at=time.time())
+    connect(broker_url, patient=False).hset(record_key(job.id), mapping=job.to_fields())
+    assert records.run(claim(job.id)) == 1
+    return job.id
+
+
+def iteration(number: int) -> Progress:
+    return Progress("refine", 1, 2, number, 10 * number, 3.0, 9.0, 0.1)
+
+
+def run_until_stopped(attempt: Attempt, seconds: float) -> float:
+    started = time.monotonic()
+    while time.monotonic() - started < seconds:
+        attempt.on_progress(iteration(2))
+        time.sleep(0.01)
+    return seconds
+
+
+def test_every_iteration_becomes_an_event(broker_url: str, records: JobRecords, job_id: str) -> None:
+    with Attempt(records, job_id, 1, seconds=60, retention=60) as attempt:
+        for number in range(1, 31):
+            attempt.on_progress(iteration(number))
+    client = connect(broker_url, patient=False)
+    assert client.xlen(events_key(job_id)) == 30
+    job = records.get(job_id)
+    assert job is not None
+    assert job.progress is not None
+    assert job.progress["iteration"] == 30
+
+
+def test_a_cancelled_job_stops_within_a_second(records: JobRecords, job_id: str) -> None:
+    with Attempt(records, job_id, 1, seconds=60, retention=60) as attempt:
+        attempt.on_progress(iteration(1))
+        time.sleep(0.3)
+        records.run(finish(job_id, "canceled", retention=60))
+        started = time.monotonic()
+        with pytest.raises(StopError):
+            run_until_stopped(attempt, 5)
+        assert time.monotonic() - started < 1
+
+
+def test_a_superseded_attempt_stops(broker_url: str, records: JobRecords, job_id: str) -> None:
+    with Attempt(records, job_id, 1, seconds=60, retention=60) as attempt:
+        connect(broker_url, patient=False).delete(lease_key(job_id))
+        assert records.run(claim(job_id)) == 2
+        with pytest.raises(StopError):
+            run_until_stopped(attempt, 5)
+
+
+def test_the_time_limit_ends_the_job(records: JobRecords, job_id: str) -> None:
+    with (
+        Attempt(records, job_id, 1, seconds=0.5, retention=60) as attempt,
+        pytest.raises(StopError),
+    ):
+        run_until_stopped(attempt, 5)
+    job = records.get(job_id)
+    assert job is not None
+    assert job.status == "failed"
+    assert job.error is not None
+    assert job.error["type"] == "urn:gcvec:problem:time-limit"
+
+
+def test_an_outage_neither_slows_nor_fails_a_run_and_loses_no_event(
+    broker_url: str, records: JobRecords, job_id: str, eventually: Callable[..., None]
+) -> None:
+    client = connect(broker_url, patient=False)
+    nobody = connect("redis://127.0.0.1:1/0", patient=False)
+    line = JobRecords(nobody)
+    with Attempt(line, job_id, 1, seconds=60, retention=60) as attempt:
+        started = time.monotonic()
+        for number in range(1, 21):
+            attempt.on_progress(iteration(number))
+        assert time.monotonic() - started < 0.2
+        time.sleep(0.5)
+        attempt.check()
+        assert client.xlen(events_key(job_id)) == 0
+        line._client = client  # the server is back
+        eventually(lambda: client.xlen(events_key(job_id)) == 20)

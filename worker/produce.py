@@ -1,0 +1,59 @@
+"""From uploaded bytes to the bytes of every artefact: the one place where the service meets the engine."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec import Options, VectorImage, vectorize
+from gcvec.export import error_map, patch_overlay
+from gcvec.export.png import png
+from gcvec.io import read_annotations, read_picture
+from gcvec.metrics import compare
+from gcvec.progress import OnProgress
+from worker.settings import Settings, limits
+
+
+@dataclass(frozen=True)
+class Product:
+    """What a run delivers: the artefacts written by the job, by name, and the warnings of every stage."""
+
+    artifacts: dict[str, bytes]
+    warnings: tuple[str, ...]
+
+
+def produce(
+    image: bytes,
+    annotations: bytes | None,
+    request: Mapping[str, Any],
+    settings: Settings,
+    on_progress: OnProgress,
+) -> Product:
+    """Vectorize an uploaded picture. Raises gcvec.InputError, and whatever `on_progress` raises."""
+    bounds = limits(settings)
+    picture = read_picture(image, limits=bounds)
+    names = {name: request[name] for name in ("image_name", "picture_name")}
+    regions = None if annotations is None else read_annotations(annotations, **names, limits=bounds)
+    options = Options(**request["options"])
+    threads = min(options.workers or settings.job_threads, settings.job_threads)
+    result = vectorize(picture.pixels, regions, replace(options, workers=threads), on_progress)
+    warnings = (*picture.warnings, *result.warnings)
+    return Product(_artifacts(picture.pixels, result), warnings)
+
+
+def _artifacts(pixels: NDArray[np.uint8], result: VectorImage) -> dict[str, bytes]:
+    encoded = result.to_bytes()
+    report = result.report or compare(pixels, result, len(encoded))
+    return {
+        "gcv": encoded,
+        "result": json.dumps(result.description()).encode(),
+        "report": json.dumps(report.as_dict()).encode(),
+        "preview": png(result.render()),
+        "error": png(error_map(pixels, result)),
+        "patches": png(patch_overlay(result)),
+    }

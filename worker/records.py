@@ -1,0 +1,252 @@
+"""Job records in Redis: what a job is, and the few atomic steps by which it changes.
+
+A record is a hash. Every step that could race with another one is a Lua script, so that a job has exactly one
+terminal state and an attempt that has been superseded can change nothing any more. The same scripts serve
+the workers (here) and the API's event loop (`service.jobs.repository`).
+
+    gcvec:job:ID      the record             gcvec:jobs:OWNER  an owner's job ids by time of creation
+    gcvec:events:ID   stream of its events   gcvec:active      ids of unfinished jobs by time of queueing
+    gcvec:lease:ID    attempt now running    gcvec:expiry      ids of finished jobs by time of expiry
+    gcvec:changes     channel: "state ID" or "progress ID" of a job that has changed
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, cast
+
+import redis
+from redis.backoff import ExponentialBackoff, NoBackoff
+from redis.retry import Retry
+
+from worker.problems import Problem
+
+Status = Literal["queued", "running", "succeeded", "failed", "canceled"]
+TERMINAL: Final = frozenset({"succeeded", "failed", "canceled"})
+
+ACTIVE: Final = "gcvec:active"
+EXPIRY: Final = "gcvec:expiry"
+CHANGES: Final = "gcvec:changes"
+
+LEASE_SECONDS: Final = 8.0
+EVENTS_KEPT: Final = 10_000
+TOMBSTONE_SECONDS: Final = 30 * 86_400
+
+
+def record_key(job_id: str) -> str:
+    return f"gcvec:job:{job_id}"
+
+
+def events_key(job_id: str) -> str:
+    return f"gcvec:events:{job_id}"
+
+
+def lease_key(job_id: str) -> str:
+    return f"gcvec:lease:{job_id}"
+
+
+def owner_key(owner: str) -> str:
+    return f"gcvec:jobs:{owner}"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One job as its record tells it. Times are seconds since the epoch."""
+
+    id: str
+    owner: str
+    status: Status
+    created_at: float
+    request: Mapping[str, Any] = field(default_factory=dict)
+    attempt: int = 0
+    started_at: float | None = None
+    finished_at: float | None = None
+    expires_at: float | None = None
+    progress: Mapping[str, Any] | None = None
+    error: Mapping[str, Any] | None = None
+    warnings: tuple[str, ...] = ()
+    bytes: int = 0
+    last_event: int = 0
+
+    @property
+    def finished(self) -> bool:
+        return self.status in TERMINAL
+
+    @property
+    def expired(self) -> bool:
+        return self.expires_at is not None and self.expires_at <= time.time()
+
+    def to_fields(self) -> dict[str, str]:
+        """The record's hash. Strings stand as they are, for scripts to compare; the rest is JSON."""
+        return {
+            name: value if isinstance(value, str) else json.dumps(value)
+            for name, value in vars(self).items()
+            if name != "id" and value is not None
+        }
+
+    @classmethod
+    def from_fields(cls, job_id: str, fields: Mapping[str, str]) -> Job | None:
+        """The job, or None where the hash is empty or only says that the job is gone."""
+        if "created_at" not in fields:
+            return None
+        plain = {"owner", "status"}
+        values: dict[str, Any] = {
+            name: value if name in plain else json.loads(value) for name, value in fields.items()
+        }
+        values["warnings"] = tuple(values["warnings"])
+        return cls(id=job_id, **values)
+
+
+@dataclass(frozen=True)
+class Call:
+    """One run of a Lua script."""
+
+    script: str
+    keys: tuple[str, ...]
+    args: tuple[str | float, ...]
+
+
+_CLAIM = """
+local status = redis.call('HGET', KEYS[1], 'status')
+if status ~= 'queued' and status ~= 'running' then return 0 end
+if redis.call('EXISTS', KEYS[2]) == 1 then return 0 end
+local attempt = redis.call('HINCRBY', KEYS[1], 'attempt', 1)
+redis.call('HSETNX', KEYS[1], 'started_at', ARGV[2])
+redis.call('HSET', KEYS[1], 'status', 'running')
+redis.call('SET', KEYS[2], attempt, 'PX', ARGV[3])
+redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])
+return attempt
+"""
+
+_REPORT = """
+if redis.call('HGET', KEYS[1], 'status') ~= 'running' then return 0 end
+if redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[2] then return 0 end
+redis.call('SET', KEYS[2], ARGV[2], 'PX', ARGV[3])
+if #ARGV < 5 then return 1 end
+for i = 5, #ARGV do
+    local number = redis.call('HINCRBY', KEYS[1], 'last_event', 1)
+    redis.call('XADD', KEYS[3], 'MAXLEN', '~', ARGV[4], number .. '-0', 'type', 'progress', 'data', ARGV[i])
+end
+redis.call('HSET', KEYS[1], 'progress', ARGV[#ARGV])
+redis.call('PUBLISH', 'gcvec:changes', 'progress ' .. ARGV[1])
+return 1
+"""
+
+_FINISH = """
+local status = redis.call('HGET', KEYS[1], 'status')
+if status ~= 'queued' and status ~= 'running' then return 0 end
+if ARGV[2] ~= '' and redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[2] then return 0 end
+local number = redis.call('HINCRBY', KEYS[1], 'last_event', 1)
+redis.call('HSET', KEYS[1], 'status', ARGV[3], 'finished_at', ARGV[4], 'expires_at', ARGV[5])
+for i = 6, #ARGV, 2 do redis.call('HSET', KEYS[1], ARGV[i], ARGV[i + 1]) end
+redis.call('XADD', KEYS[3], number .. '-0', 'type', 'state', 'data', ARGV[3])
+redis.call('DEL', KEYS[2])
+redis.call('ZREM', 'gcvec:active', ARGV[1])
+redis.call('ZADD', 'gcvec:expiry', ARGV[5], ARGV[1])
+redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])
+return 1
+"""
+
+_REQUEUE = """
+local status = redis.call('HGET', KEYS[1], 'status')
+if status ~= 'queued' and status ~= 'running' then
+    redis.call('ZREM', 'gcvec:active', ARGV[1])
+    return 0
+end
+if redis.call('EXISTS', KEYS[2]) == 1 then return 0 end
+redis.call('HSET', KEYS[1], 'status', 'queued')
+redis.call('ZADD', 'gcvec:active', ARGV[2], ARGV[1])
+redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])
+return 1
+"""
+
+_RETIRE = """
+local owner = redis.call('HGET', KEYS[1], 'owner')
+if not owner then return 0 end
+redis.call('DEL', KEYS[1], KEYS[2], KEYS[3])
+redis.call('HSET', KEYS[1], 'owner', owner)
+redis.call('EXPIRE', KEYS[1], ARGV[2])
+redis.call('ZREM', 'gcvec:active', ARGV[1])
+redis.call('ZREM', 'gcvec:expiry', ARGV[1])
+redis.call('ZREM', 'gcvec:jobs:' .. owner, ARGV[1])
+redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])
+return 1
+"""
+
+
+def _keys(job_id: str) -> tuple[str, str, str]:
+    return record_key(job_id), lease_key(job_id), events_key(job_id)
+
+
+def claim(job_id: str) -> Call:
+    """Begin an attempt and return its number; 0 if the job is unknown, has finished or runs elsewhere."""
+    return Call(_CLAIM, _keys(job_id), (job_id, time.time(), int(LEASE_SECONDS * 1000)))
+
+
+def report(job_id: str, attempt: int, events: Sequence[Mapping[str, Any]]) -> Call:
+    """Renew the lease and append progress events; returns 0 if the attempt is no longer the job's."""
+    texts = (json.dumps(event) for event in events)
+    lease = int(LEASE_SECONDS * 1000)
+    return Call(_REPORT, _keys(job_id), (job_id, attempt, lease, EVENTS_KEPT, *texts))
+
+
+def finish(
+    job_id: str,
+    status: Status,
+    *,
+    retention: float,
+    attempt: int | None = None,
+    error: Problem | None = None,
+    warnings: Sequence[str] = (),
+    bytes_stored: int | None = None,
+) -> Call:
+    """Give the job its terminal state; returns 0 if it has one, or if `attempt` is no longer the job's."""
+    now = time.time()
+    extra: list[str] = ["warnings", json.dumps(list(warnings))]
+    if error is not None:
+        extra += ["error", json.dumps(error.as_dict())]
+    if bytes_stored is not None:
+        extra += ["bytes", str(bytes_stored)]
+    fence = "" if attempt is None else attempt
+    return Call(_FINISH, _keys(job_id), (job_id, fence, status, now, now + retention, *extra))
+
+
+def requeue(job_id: str) -> Call:
+    """Have a job that nobody works on wait again; returns 0 if it has finished or runs."""
+    return Call(_REQUEUE, _keys(job_id), (job_id, time.time()))
+
+
+def retire(job_id: str) -> Call:
+    """Forget a job but for the fact that its owner had it."""
+    return Call(_RETIRE, _keys(job_id), (job_id, TOMBSTONE_SECONDS))
+
+
+def connect(broker_url: str, *, patient: bool) -> redis.Redis:
+    """A connection to Redis. A patient one waits minutes for a server that is away, another fails at once."""
+    retry = Retry(ExponentialBackoff(cap=2, base=0.1), 300) if patient else Retry(NoBackoff(), 0)
+    return redis.Redis.from_url(
+        broker_url,
+        decode_responses=True,
+        socket_connect_timeout=2,
+        socket_timeout=5,
+        retry=retry,
+        retry_on_error=[redis.ConnectionError, redis.TimeoutError] if patient else [],
+    )
+
+
+class JobRecords:
+    """The records as workers use them."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._client = client
+
+    def run(self, call: Call) -> int:
+        """Run one of this module's steps."""
+        return int(self._client.register_script(call.script)(keys=call.keys, args=call.args))
+
+    def get(self, job_id: str) -> Job | None:
+        fields = cast("dict[str, str]", self._client.hgetall(record_key(job_id)))
+        return Job.from_fields(job_id, fields)

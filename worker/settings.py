@@ -1,0 +1,83 @@
+"""Every setting of the service, read from environment variables with the prefix ``GCVEC_``."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, field_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from gcvec.io import Limits
+
+
+class Settings(BaseSettings):
+    """Settings shared by the API and the workers; the field names in capitals are the variables' names."""
+
+    model_config = SettingsConfigDict(env_prefix="GCVEC_", frozen=True)
+
+    broker_url: str = Field(
+        default="redis://127.0.0.1:6379/0", description="Redis or Valkey server: queue, records, events"
+    )
+    storage_url: str = Field(
+        default="", description="where files are kept: file:///folder or s3://bucket/prefix"
+    )
+    data_dir: Path = Field(default=Path("gcvec-data"), description="folder of a single-machine installation")
+    api_keys: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="comma-separated keys, each plain or as sha256:HEX; empty: open, on loopback only",
+    )
+    retention: timedelta = Field(
+        default=timedelta(days=7), description="how long a finished job is kept (ISO 8601: P7D)"
+    )
+
+    max_upload_bytes: int = Field(default=25_000_000, gt=0, description="largest picture or annotation file")
+    max_pixels: int = Field(default=64_000_000, gt=0, description="most pixels of a picture")
+    max_side: int = Field(default=16_384, gt=0, description="longest side of a picture, pixels")
+    max_polygons: int = Field(default=2_000, gt=0, description="most polygons of a picture")
+    max_polygon_vertices: int = Field(default=20_000, gt=0, description="most vertices of one polygon")
+    max_vertices: int = Field(default=200_000, gt=0, description="most vertices of all polygons together")
+
+    job_seconds: float = Field(default=900, gt=0, description="longest run of one job")
+    job_memory_bytes: int = Field(
+        default=4_000_000_000, gt=0, description="most memory of one worker process"
+    )
+    job_attempts: int = Field(default=3, gt=0, description="how often a job is started before it is given up")
+    job_threads: int = Field(default=1, gt=0, description="most threads one job may use")
+
+    @field_validator("api_keys", mode="before")
+    @classmethod
+    def _split(cls, value: object) -> object:
+        return (
+            tuple(key.strip() for key in value.split(",") if key.strip()) if isinstance(value, str) else value
+        )
+
+    @field_validator("retention", mode="before")
+    @classmethod
+    def _seconds(cls, value: object) -> object:
+        return float(value) if isinstance(value, str) and value.replace(".", "", 1).isdigit() else value
+
+    @property
+    def storage(self) -> str:
+        """The storage URL in force: the one set, else a folder under `data_dir`."""
+        return self.storage_url or (self.data_dir.absolute() / "storage").as_uri()
+
+
+@lru_cache
+def get_settings() -> Settings:
+    """The settings of this process."""
+    return Settings()
+
+
+def limits(settings: Settings) -> Limits:
+    """The bounds on a picture and its annotations that these settings mean."""
+    return Limits(
+        max_pixels=settings.max_pixels,
+        max_side=settings.max_side,
+        max_polygons=settings.max_polygons,
+        max_vertices_per_polygon=settings.max_polygon_vertices,
+        max_vertices=settings.max_vertices,
+        annotation_bytes=settings.max_upload_bytes,
+    )

@@ -1,0 +1,85 @@
+"""Puts right what a crash leaves behind. Every worker runs one; a lock in Redis lets one sweep at a time."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from typing import Any, Final
+
+import redis
+from obstore.store import ObjectStore
+
+from worker import storage
+from worker.app import JOBS_QUEUE, VECTORIZE, app
+from worker.records import (
+    ACTIVE,
+    EXPIRY,
+    LEASE_SECONDS,
+    JobRecords,
+    connect,
+    lease_key,
+    record_key,
+    requeue,
+    retire,
+)
+from worker.settings import get_settings
+
+logger = logging.getLogger(__name__)
+
+_PERIOD: Final = 2.0
+_LOST_AFTER: Final = 10.0
+_BATCH: Final = 200
+
+
+class Sweeper:
+    """Sends jobs again whose attempt died or whose message was lost; removes those that have expired."""
+
+    def __init__(self, client: redis.Redis, store: ObjectStore) -> None:
+        self._client: Any = client
+        self._records = JobRecords(client)
+        self._store = store
+
+    def run_forever(self) -> None:
+        while True:
+            try:
+                if self._client.set("gcvec:sweeper", "1", nx=True, px=int(_PERIOD * 900)):
+                    self.sweep()
+                time.sleep(_PERIOD)
+            except Exception as error:
+                # After an outage running attempts get time to renew their leases before they count as dead.
+                logger.warning("sweep failed: %s", type(error).__name__)
+                time.sleep(LEASE_SECONDS)
+
+    def sweep(self) -> None:
+        """Sweep once."""
+        for job_id in self._lost():
+            if self._records.run(requeue(job_id)):
+                logger.warning("job %s: sent again", job_id)
+                app.send_task(VECTORIZE, [job_id])
+        for job_id in self._client.zrange(EXPIRY, 0, time.time(), byscore=True, offset=0, num=_BATCH):
+            storage.delete_folder(self._store, storage.job_folder(job_id))
+            self._records.run(retire(job_id))
+
+    def _lost(self) -> list[str]:
+        """Unfinished jobs that nobody works on and that no message stands for."""
+        jobs = self._client.zrange(ACTIVE, 0, -1, withscores=True)
+        pipeline = self._client.pipeline(transaction=False)
+        for job_id, _ in jobs:
+            pipeline.hget(record_key(job_id), "status")
+            pipeline.exists(lease_key(job_id))
+        answers = pipeline.execute()
+        no_message = self._client.llen(JOBS_QUEUE) == 0
+        overdue = time.time() - _LOST_AFTER
+        return [
+            job_id
+            for (job_id, since), status, leased in zip(jobs, answers[::2], answers[1::2], strict=True)
+            if not leased and (status != "queued" or (no_message and since < overdue))
+        ]
+
+
+def start() -> None:
+    """Sweep from now on, in a thread of this process."""
+    settings = get_settings()
+    sweeper = Sweeper(connect(settings.broker_url, patient=False), storage.open_store(settings.storage))
+    threading.Thread(target=sweeper.run_forever, name="sweeper", daemon=True).start()
