@@ -94,7 +94,9 @@ def boundary_network(
             curves.append(Curve(control, arc.left, arc.right, start, end))
     loops = tuple(
         tuple(
-            tuple((c, forward) for a, forward in loop for c in (pieces_of[a] if forward else pieces_of[a][::-1]))
+            tuple(
+                (c, forward) for a, forward in loop for c in (pieces_of[a] if forward else pieces_of[a][::-1])
+            )
             for loop in region
         )
         for region in graph.loops
@@ -126,9 +128,7 @@ def straight_line(a: Floats, b: Floats, segments: int) -> Floats:
     return np.asarray(a + greville[:, None] * (np.asarray(b) - a))
 
 
-def _cut_at_corners(
-    arc: Arc, nodes: list[tuple[float, float]]
-) -> tuple[list[tuple[int, int]], list[Floats]]:
+def _cut_at_corners(arc: Arc, nodes: list[tuple[float, float]]) -> tuple[list[tuple[int, int]], list[Floats]]:
     """Node pairs and sample runs of the smooth pieces of an arc; new corner nodes are appended to `nodes`."""
     lattice = arc.points.astype(np.float64)
     middles = (lattice[1:] + lattice[:-1]) / 2

@@ -13,7 +13,7 @@ from skimage import filters
 from gcvec import bspline
 from gcvec.boundary import Network
 from gcvec.color_space import LEFT, RIGHT, ColorSpace
-from gcvec.least_squares import bounded_least_squares
+from gcvec.least_squares import NormalEquations, solve_bounded
 from gcvec.planar_graph import OUTSIDE
 
 Floats = NDArray[np.float64]
@@ -59,7 +59,9 @@ def color_samples(network: Network) -> ColorSamples:
     return ColorSamples(*(np.concatenate(part) for part in (curves, parameters, positions, normals)))
 
 
-def hard_edges(network: Network, samples: ColorSamples, picture: Floats, labels: NDArray[np.int32]) -> NDArray[np.bool_]:
+def hard_edges(
+    network: Network, samples: ColorSamples, picture: Floats, labels: NDArray[np.int32]
+) -> NDArray[np.bool_]:
     """Which curves are hard, `(c,) bool`.
 
     G_e is the median over the curve's samples of the local mean of the Sobel magnitude, D_e the distance between the mean colours of
@@ -146,15 +148,21 @@ def fit_boundary_colors(
         own = np.where(labels[at] == region, inward[at], at[0] * labels.shape[1] + at[1])
         on_curve = ndimage.map_coordinates
         soft = np.stack(
-            [on_curve(picture[..., c], samples.position.T[::-1] - 0.5, order=1, mode="nearest") for c in range(3)], axis=1
+            [
+                on_curve(picture[..., c], samples.position.T[::-1] - 0.5, order=1, mode="nearest")
+                for c in range(3)
+            ],
+            axis=1,
         )
         used = region != OUTSIDE
         rows.append(_rows(space.of_control[side][control[used]], weight[used], space.size))
         seen.append(np.where(hard[samples.curve, None], colors[own], soft)[used])
     design = sparse.vstack([*rows, SMOOTHNESS**0.5 * _second_differences(network, space, offsets)]).tocsr()
     target = np.concatenate([*seen, np.zeros((design.shape[0] - sum(len(s) for s in seen), 3))])
-    normal = (design.T @ design + 1e-9 * sparse.eye_array(space.size)).tocsr()
-    return bounded_least_squares(normal, design.T @ target)
+    equations = NormalEquations(
+        design, sparse.eye_array(design.shape[0], format="csr"), np.full(space.size, 1e-6), design.T @ target
+    )
+    return solve_bounded(equations, np.full((space.size, 3), 0.5), 200, 1e-6)
 
 
 def _basis_through_curves(network: Network, samples: ColorSamples, offsets: Ints) -> tuple[Ints, Floats]:

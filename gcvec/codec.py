@@ -71,7 +71,9 @@ def encode(image: VectorImage) -> bytes:
         writer.numbers(np.array([getattr(c, field) for c in network.curves]))
     writer.numbers(image.hard.astype(np.int64))
     writer.numbers(np.concatenate([_geometry_numbers(c) for c in network.curves]))
-    writer.numbers(np.concatenate([np.array([len(loops), *(len(x) for x in loops)]) for loops in network.loops]))
+    writer.numbers(
+        np.concatenate([np.array([len(loops), *(len(x) for x in loops)]) for loops in network.loops])
+    )
     walk = [2 * c + forward for loops in network.loops for loop in loops for c, forward in loop]
     writer.numbers(np.array(walk, np.int64))
     writer.numbers(np.round(image.boundary_colors / COLOR_STEP).astype(np.int64).T.ravel())
@@ -136,9 +138,7 @@ def _decoded(reader: _Reader) -> VectorImage:
     labels = tuple(json.loads(reader.text()))
     foundation = lay_foundation(network, hard)
     predicted = predicted_colors(foundation, boundary_colors, points)
-    image = VectorImage(
-        network, hard, boundary_colors, points, np.clip(predicted + residual, 0, 1), labels
-    )
+    image = VectorImage(network, hard, boundary_colors, points, predicted + residual, labels)
     image.__dict__["foundation"] = foundation
     return image
 
@@ -185,7 +185,9 @@ class _Reader:
             raise ValueError("bad number size")
         planes = np.frombuffer(self._bytes(size * count), np.uint8).reshape(size, count)
         unsigned = np.ascontiguousarray(planes.T).view(f"<u{size}").ravel().astype(np.uint64)
-        return np.asarray((unsigned >> np.uint64(1)).astype(np.int64) ^ -(unsigned & np.uint64(1)).astype(np.int64))
+        return np.asarray(
+            (unsigned >> np.uint64(1)).astype(np.int64) ^ -(unsigned & np.uint64(1)).astype(np.int64)
+        )
 
     def text(self) -> str:
         (count,) = struct.unpack("<I", self._bytes(4))

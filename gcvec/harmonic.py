@@ -41,7 +41,10 @@ def harmonic_extension(laplacian: sparse.csr_array, free: Ints, fixed: Ints, val
         return np.zeros((0, values.shape[1]))
     rows = laplacian[free]
     factor = linalg.splu(
-        rows[:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        rows[:, free].tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
     )
     return np.asarray(factor.solve(-(rows[:, fixed] @ values)))
 

@@ -134,7 +134,9 @@ def _patch_of_triangles(
     triangles: Ints, neighbours: Ints, segments: Ints, left: Ints, right: Ints, n_vertices: int
 ) -> Ints:
     """Patch of every triangle: known at the constraint segments, spread from there."""
-    keys = np.concatenate([segments[:, 0] * n_vertices + segments[:, 1], segments[:, 1] * n_vertices + segments[:, 0]])
+    keys = np.concatenate(
+        [segments[:, 0] * n_vertices + segments[:, 1], segments[:, 1] * n_vertices + segments[:, 0]]
+    )
     sides = np.concatenate([right, left])
     order = np.argsort(keys)
     keys, sides = keys[order], sides[order]

@@ -108,7 +108,8 @@ def blend(network: Network, samples: BoundarySamples, mesh: Mesh) -> Blend:
             edges = edges_of[patch_of[members[0]]]
             _blend_cluster(network, samples, mesh, laplacian, members, edges, boundary_entries, point_entries)
     return Blend(
-        _sparse(boundary_entries, (n_free, int(samples.offsets[-1]))), _sparse(point_entries, (n_free, mesh.n_points))
+        _sparse(boundary_entries, (n_free, int(samples.offsets[-1]))),
+        _sparse(point_entries, (n_free, mesh.n_points)),
     )
 
 

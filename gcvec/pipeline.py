@@ -71,7 +71,11 @@ def vectorize(
         n = foundation.space.size
         order = np.lexsort((refined.points[:, 0], refined.points[:, 1]))
         image = VectorImage(
-            refined.foundation.network, hard, refined.colors[:n], refined.points[order], refined.colors[n:][order],
+            refined.foundation.network,
+            hard,
+            refined.colors[:n],
+            refined.points[order],
+            refined.colors[n:][order],
             regions.names,
         )
         data = encode(image)
@@ -122,9 +126,13 @@ class _Teller:
         self.fraction = 0.0
         self.first_mse: float | None = None
 
-    def _tell(self, phase: str, region: int, iteration: int, points: int, worst: float | None, mse: float | None) -> None:
+    def _tell(
+        self, phase: str, region: int, iteration: int, points: int, worst: float | None, mse: float | None
+    ) -> None:
         if self.on_progress:
-            self.on_progress(Progress(phase, region, self.regions, iteration, points, worst, mse, self.fraction))
+            self.on_progress(
+                Progress(phase, region, self.regions, iteration, points, worst, mse, self.fraction)
+            )
 
     def stage(self, phase: str, fraction: float) -> None:
         self.fraction = max(self.fraction, fraction)
@@ -133,7 +141,9 @@ class _Teller:
     def iteration(self, step: Step) -> None:
         """Progress through refinement is measured by the logarithm of the error still to go."""
         self.first_mse = self.first_mse or max(step.mse, self.target_mse * 1.001)
-        gone = np.log(self.first_mse / max(step.mse, self.target_mse)) / np.log(self.first_mse / self.target_mse)
+        gone = np.log(self.first_mse / max(step.mse, self.target_mse)) / np.log(
+            self.first_mse / self.target_mse
+        )
         self.fraction = max(self.fraction, 0.1 + 0.85 * float(np.clip(gone, 0, 1)))
         self._tell("refine", step.worst_region, step.iteration, step.points, step.worst_error, step.mse)
 

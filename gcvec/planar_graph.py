@@ -160,9 +160,7 @@ def _direction(a: NDArray[np.int32], b: NDArray[np.int32]) -> int:
     return {(1, 0): 0, (0, 1): 1, (-1, 0): 2, (0, -1): 3}[step]
 
 
-def _loops(
-    arcs: tuple[Arc, ...], n_regions: int
-) -> tuple[tuple[tuple[tuple[int, bool], ...], ...], ...]:
+def _loops(arcs: tuple[Arc, ...], n_regions: int) -> tuple[tuple[tuple[tuple[int, bool], ...], ...], ...]:
     """Boundary loops of every region.
 
     Where a region touches itself at a diagonal crossing, the walk stays at the same pixel, because regions are

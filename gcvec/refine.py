@@ -16,7 +16,7 @@ from scipy import sparse
 
 from gcvec.canonical import Canvas, Foundation, lay_canvas, refined_domains
 from gcvec.drawing import Drawing
-from gcvec.least_squares import bounded_least_squares
+from gcvec.least_squares import NormalEquations, solve, solve_bounded
 from gcvec.raster import Coverage
 from gcvec.timing import StageClock
 
@@ -30,6 +30,10 @@ FINAL_WEIGHT = 0.2
 BOUNDARY_WEIGHT = 0.05
 """Pull of a boundary colour towards its first estimate (section 4.3)."""
 
+ROUND_ITERATIONS = 12
+FINAL_ITERATIONS = 60
+"""Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit."""
+
 CLEARANCE = 0.3
 """Control points keep this far from the edges of their parameter polygon, pixels."""
 
@@ -39,14 +43,6 @@ FIRST_POINTS = 1 / 1500
 
 LEAST_COVER = 0.3
 """A pixel can become a control point of a triangle that covers at least this share of it."""
-
-
-@dataclass(frozen=True)
-class Fit:
-    """Colours of all unknowns `(n, 3)` in [0, 1] and the picture `(pixels, 3)` they give."""
-
-    colors: Floats
-    picture: Floats
 
 
 @dataclass(frozen=True)
@@ -87,25 +83,32 @@ def refine_batch(
     """
     truth = picture.reshape(-1, 3)
     blocked = ~_room(foundation)
+    n_boundary = len(boundary_colors)
+    boundary_pull = np.full(n_boundary, BOUNDARY_WEIGHT)
     points = np.zeros((0, 2), np.int64)
-    seen = np.zeros((0, 3))
+    colors = boundary_colors
     iteration = 0
     while True:
         with clock.stage("mesh_harmonic"):
-            canvas, points, seen = _unfolded_canvas(foundation, points, seen, blocked)
-            foundation = canvas.foundation
+            canvas, kept = _unfolded_canvas(foundation, points, blocked)
+            foundation, points = canvas.foundation, points[kept]
+            colors = np.concatenate([colors[:n_boundary], colors[n_boundary:][kept]])
         with clock.stage("evaluation"):
             drawing = canvas.drawing()
             coverage = canvas.coverage(drawing)
         with clock.stage("optimization"):
-            fit = fit_colors(canvas, drawing, coverage, truth, boundary_colors, seen, FITTING_WEIGHT)
+            fit = color_fit(canvas, drawing, coverage, truth)
+            prior = np.concatenate([boundary_colors, picture[points[:, 1], points[:, 0]]])
+            pull = np.concatenate([boundary_pull, np.full(len(points), FITTING_WEIGHT)])
+            colors = np.clip(solve(fit.equations(prior, pull), colors, ROUND_ITERATIONS, 1e-4), 0, 1)
+            predicted = fit.picture(colors)
         with clock.stage("evaluation"):
-            square = ((fit.picture - truth) ** 2).sum(axis=1)
+            square = ((predicted - truth) ** 2).sum(axis=1)
             mse = square.mean() / 3 * 65025
             score, worst_pixel = _score(coverage.start, coverage.pixel, coverage.weights, square)
             by_region = np.bincount(drawing.patch, score)
         iteration += 1
-        worst = float(np.abs(fit.picture - truth).max() * 255)
+        worst = float(np.abs(predicted - truth).max() * 255)
         on_step(Step(iteration, len(points), int(by_region.argmax()), worst, float(mse)))
         if mse <= target_mse:
             break
@@ -116,58 +119,62 @@ def refine_batch(
         if not len(new):
             break
         points = np.concatenate([points, new])
-        seen = np.concatenate([seen, picture[new[:, 1], new[:, 0]]])
+        colors = np.concatenate([colors, picture[new[:, 1], new[:, 0]]])
     with clock.stage("optimization"):
-        fit = fit_colors(canvas, drawing, coverage, truth, boundary_colors, seen, FINAL_WEIGHT)
-    return Refined(foundation, points, fit.colors)
+        pull[n_boundary:] = FINAL_WEIGHT
+        colors = solve_bounded(fit.equations(prior, pull), colors, FINAL_ITERATIONS, 1e-5)
+    return Refined(foundation, points, colors)
 
 
 def _unfolded_canvas(
-    foundation: Foundation, points: Ints, seen: Floats, blocked: NDArray[np.bool_]
-) -> tuple[Canvas, Ints, Floats]:
-    """A canvas without fold-over.
+    foundation: Foundation, points: Ints, blocked: NDArray[np.bool_]
+) -> tuple[Canvas, NDArray[np.bool_]]:
+    """A canvas without fold-over, and which of the points `(n,)` it kept.
 
     Control points in triangles that turn over are taken out for good; triangles that turn over without one ask for parameter
     polygons closer to their curves.
     """
+    kept = np.ones(len(points), bool)
     while True:
-        canvas = lay_canvas(foundation, points)
+        canvas = lay_canvas(foundation, points[kept])
         corners = canvas.mesh.triangles[canvas.foldovers()]
         if not len(corners):
-            return canvas, points, seen
+            return canvas, kept
         bad = np.unique(corners[(corners >= canvas.mesh.n_samples) & (corners < canvas.mesh.first_free)])
-        bad -= canvas.mesh.n_samples
         if len(bad):
-            blocked[points[bad, 1], points[bad, 0]] = True
-            points, seen = np.delete(points, bad, axis=0), np.delete(seen, bad, axis=0)
+            out = np.flatnonzero(kept)[bad - canvas.mesh.n_samples]
+            blocked[points[out, 1], points[out, 0]] = True
+            kept[out] = False
             continue
         finer = refined_domains(foundation, corners)
         if finer is None:
-            return canvas, points, seen
+            return canvas, kept
         foundation = finer
 
 
-def fit_colors(
-    canvas: Canvas,
-    drawing: Drawing,
-    coverage: Coverage,
-    truth: Floats,
-    boundary_colors: Floats,
-    seen: Floats,
-    weight: float,
-) -> Fit:
-    """Equation (7), with the boundary colours among the unknowns: every colour in [0, 1].
+@dataclass(frozen=True)
+class ColorFit:
+    """Equation (7) on one canvas: ŷ = B R x, where R takes the unknowns to the mesh and B the mesh to pixels."""
 
-    ŷ = B R x, where R takes the unknowns to the mesh and B the mesh to pixels.
-    """
+    operator: sparse.csr_array
+    to_pixels: sparse.csr_array
+    gram: sparse.csr_array
+    target: Floats
+
+    def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
+        """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""
+        return NormalEquations(self.operator, self.gram, pull, self.target + pull[:, None] * prior)
+
+    def picture(self, colors: Floats) -> Floats:
+        """ŷ `(pixels, 3)`."""
+        result: Floats = self.to_pixels @ (self.operator @ colors)
+        return result
+
+
+def color_fit(canvas: Canvas, drawing: Drawing, coverage: Coverage, truth: Floats) -> ColorFit:
     operator, corner_color = canvas.operator(drawing)
     to_pixels = coverage.matrix(corner_color, operator.shape[0])
-    prior = np.concatenate([boundary_colors, seen])
-    pull = np.concatenate([np.full(len(boundary_colors), BOUNDARY_WEIGHT), np.full(len(seen), weight)])
-    normal = operator.T @ (to_pixels.T @ to_pixels) @ operator + sparse.diags_array(pull)
-    right = operator.T @ (to_pixels.T @ truth) + pull[:, None] * prior
-    colors = bounded_least_squares(normal.tocsr(), right)
-    return Fit(colors, to_pixels @ (operator @ colors))
+    return ColorFit(operator, to_pixels, (to_pixels.T @ to_pixels).tocsr(), operator.T @ (to_pixels.T @ truth))
 
 
 @njit(cache=True, nogil=True)

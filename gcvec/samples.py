@@ -18,6 +18,7 @@ from gcvec.domain import polygon_vertices, sample_parameters
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+
 @dataclass(frozen=True)
 class BoundarySamples:
     """Samples of all curves; the first `n_nodes` are the nodes.
@@ -93,7 +94,9 @@ def boundary_samples(network: Network) -> BoundarySamples:
         n_own = len(u) - 1 if curve.closed else len(u) - 2
         ids = np.arange(n, n + n_own)
         walk = np.append(ids, ids[0]) if curve.closed else np.concatenate([[curve.start], ids, [curve.end]])
-        edge = np.clip(np.searchsorted(vertex, np.arange(len(u)), side="right") - 1, 0, len(vertex) - 2)[inner]
+        edge = np.clip(np.searchsorted(vertex, np.arange(len(u)), side="right") - 1, 0, len(vertex) - 2)[
+            inner
+        ]
         t = (u[inner] - u[vertex[edge]]) / (u[vertex[edge + 1]] - u[vertex[edge]])
         around = np.stack([walk[vertex[edge]], walk[vertex[edge + 1]]], axis=1)
         domain.append(points[vertex[edge]] + t[:, None] * (points[vertex[edge + 1]] - points[vertex[edge]]))

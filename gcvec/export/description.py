@@ -114,9 +114,7 @@ def _patches(image: VectorImage) -> list[dict[str, Any]]:
 def _mesh(image: VectorImage) -> dict[str, Any]:
     """The canonical mesh as it is drawn: one entry a corner colour, so that hard edges stay sharp."""
     vertices, triangles, colors, corner_color = image.gouraud(DRAWING_SCALE)
-    pairs, corner = np.unique(
-        triangles.astype(np.int64) * len(colors) + corner_color, return_inverse=True
-    )
+    pairs, corner = np.unique(triangles.astype(np.int64) * len(colors) + corner_color, return_inverse=True)
     return {
         "positions": _rounded(vertices[pairs // len(colors)], 3),
         "colors": _rounded(np.clip(colors[pairs % len(colors)], 0, 1), 4),
