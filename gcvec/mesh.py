@@ -19,9 +19,9 @@ from gcvec.samples import BoundarySamples
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-FINEST_CELL = 8
-COARSEST_LEVEL = 6
-"""Free points stand in the middle of clear quadtree cells of 4 to 256 pixels."""
+FINEST_CELL = 16
+COARSEST_LEVEL = 4
+"""Free points stand in the middle of clear quadtree cells of 16 to 256 pixels."""
 
 
 @dataclass(frozen=True)

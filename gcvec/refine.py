@@ -23,8 +23,8 @@ from gcvec.timing import StageClock
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-FITTING_WEIGHT = 1.0
-FINAL_WEIGHT = 0.2
+FITTING_WEIGHT = 0.1
+FINAL_WEIGHT = 0.1
 """w of equation (7), while points are still being placed and in the last fit."""
 
 BOUNDARY_WEIGHT = 0.05
@@ -37,7 +37,7 @@ FINAL_ITERATIONS = 60
 CLEARANCE = 0.3
 """Control points keep this far from the edges of their parameter polygon, pixels."""
 
-GROWTH = 0.3
+GROWTH = 0.2
 FIRST_POINTS = 1 / 1500
 """A round adds this share of the points there are, and this many a pixel on top."""
 
