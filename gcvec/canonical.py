@@ -14,7 +14,7 @@ from scipy import sparse
 
 from gcvec.boundary import Network
 from gcvec.color_space import ColorSpace, color_space
-from gcvec.domain import FINEST_LEVEL, raise_levels
+from gcvec.domain import FINEST_LEVEL, raise_levels, without_crossings
 from gcvec.drawing import FLATNESS, Drawing, draw, folded
 from gcvec.mesh import Mesh, build_mesh
 from gcvec.patch import Blend, Geometry, blend, geometry
@@ -115,7 +115,9 @@ def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
         and not curve.on_frame
         and curve.level < FINEST_LEVEL
     ]
-    return lay_foundation(raise_levels(network, touched), foundation.hard) if touched else None
+    if not touched:
+        return None
+    return lay_foundation(without_crossings(raise_levels(network, touched)), foundation.hard)
 
 
 def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:

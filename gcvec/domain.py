@@ -48,14 +48,18 @@ def polygon_vertices(curve: Curve, samples: Floats) -> Ints:
     return np.flatnonzero(_douglas_peucker(samples, 3 if curve.closed else 1, 0.5**curve.level))
 
 
-def without_crossings(network: Network) -> tuple[Network, Ints]:
-    """The network with levels raised until no polygon edges cross, and the curves that cross even so."""
-    for _ in range(FINEST_LEVEL + 1):
-        bad = crossing_curves(network)
-        if not len(bad) or all(network.curves[c].level == FINEST_LEVEL for c in bad):
-            return network, bad
+def without_crossings(network: Network) -> Network:
+    """The network with levels raised until no polygon edges cross; curves must not cross themselves or others."""
+    while True:
+        bad = [c for c in crossing_curves(network) if network.curves[c].level < FINEST_LEVEL]
+        if not bad:
+            return network
         network = raise_levels(network, bad)
-    return network, crossing_curves(network)
+
+
+def with_levels(network: Network, level: int) -> Network:
+    """The network with all parameter polygons at one level."""
+    return replace(network, curves=tuple(replace(c, level=level) for c in network.curves))
 
 
 def raise_levels(network: Network, which: Iterable[int]) -> Network:

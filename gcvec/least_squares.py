@@ -42,7 +42,11 @@ class NormalEquations:
 
 
 def solve(
-    equations: NormalEquations, start: Floats, iterations: int, tolerance: float, fixed: NDArray[np.bool_] | None = None
+    equations: NormalEquations,
+    start: Floats,
+    iterations: int,
+    tolerance: float,
+    fixed: NDArray[np.bool_] | None = None,
 ) -> Floats:
     """Preconditioned conjugate gradients from `start` `(n, c)`, all columns at once.
 

@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.annotations import Annotations
-from gcvec.boundary import Network, boundary_network
+from gcvec.borders import borders
+from gcvec.boundary_fit import fitted_network
 from gcvec.boundary_color import color_samples, fit_boundary_colors, hard_edges
 from gcvec.canonical import lay_unfolded_foundation
-from gcvec.codec import decode, encode, rounded_network
+from gcvec.codec import decode, encode
 from gcvec.components import absorb_slivers
-from gcvec.domain import without_crossings
+from gcvec.localize import localized
 from gcvec.metrics import compare
 from gcvec.options import Options
 from gcvec.partition import Partition, partition
-from gcvec.planar_graph import PlanarGraph, planar_graph
+from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.refine import Step, refine_batch
 from gcvec.snap import snap_borders
@@ -53,7 +54,8 @@ def vectorize(
     tell.regions = len(regions.names)
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
-        network = fitted_network(planar_graph(regions.labels), width, height)
+        found = borders(planar_graph(regions.labels), width, height)
+        network = fitted_network(found, localized(found, picture))
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
     tell.stage("mesh", 0.1)
@@ -98,22 +100,6 @@ def _regions(
         return Partition(whole, ("picture",), ())
     regions = partition(annotations, width, height)
     return replace(regions, labels=snap_borders(regions.labels, picture, SNAP))
-
-
-def fitted_network(graph: PlanarGraph, width: int, height: int) -> Network:
-    """Boundary curves on the file's grid whose parameter polygons cross nowhere.
-
-    Curves that cross each other, as they may around regions a pixel or two wide, are fitted ever closer to the label map's border.
-    """
-    distances: dict[int, float] = {}
-    while True:
-        network = rounded_network(boundary_network(graph, width, height, distances))
-        network, crossing = without_crossings(network)
-        pending = [c for c in crossing if distances.get(c, 1.0) > 0]
-        if not pending:
-            return network
-        for c in pending:
-            distances[c] = {1.0: 0.25, 0.25: 0.1}.get(distances.get(c, 1.0), 0.0)
 
 
 class _Teller:

@@ -174,7 +174,9 @@ class ColorFit:
 def color_fit(canvas: Canvas, drawing: Drawing, coverage: Coverage, truth: Floats) -> ColorFit:
     operator, corner_color = canvas.operator(drawing)
     to_pixels = coverage.matrix(corner_color, operator.shape[0])
-    return ColorFit(operator, to_pixels, (to_pixels.T @ to_pixels).tocsr(), operator.T @ (to_pixels.T @ truth))
+    return ColorFit(
+        operator, to_pixels, (to_pixels.T @ to_pixels).tocsr(), operator.T @ (to_pixels.T @ truth)
+    )
 
 
 @njit(cache=True, nogil=True)
