@@ -79,7 +79,20 @@ def borders(graph: PlanarGraph, width: int, height: int) -> Borders:
         )
         for region in graph.loops
     )
-    return Borders(width, height, np.array(nodes), tuple(found), loops)
+    return _with_nodes_in_order(Borders(width, height, np.array(nodes), tuple(found), loops))
+
+
+def _with_nodes_in_order(found: Borders) -> Borders:
+    """The same with nodes numbered in the order in which the borders meet them, as the file has them."""
+    met = np.array([node for b in found.borders if not b.closed for node in (b.start, b.end)], np.int64)
+    order = met[np.sort(np.unique(met, return_index=True)[1])]
+    number = np.full(len(found.nodes), -1)
+    number[order] = np.arange(len(order))
+    renumbered = tuple(
+        b if b.closed else replace(b, start=int(number[b.start]), end=int(number[b.end]))
+        for b in found.borders
+    )
+    return replace(found, nodes=found.nodes[order], borders=renumbered)
 
 
 def between_nodes(border: Border, nodes: Floats) -> Border:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcvec.borders import Borders, between_nodes
 from gcvec.boundary import DISTANCE, Network, boundary_network
-from gcvec.codec import rounded_network
+from gcvec.quantization import rounded_network
 from gcvec.domain import FINEST_LEVEL, crossing_curves, raise_levels, with_levels, without_crossings
 
 FALLBACKS = (DISTANCE, DISTANCE, DISTANCE / 2, DISTANCE / 4, 0.0)
 """Distances allowed to a curve, try after try; from the second on it follows the label map, not the photo."""
 
 
-def fitted_network(traced: Borders, localized: Borders) -> Network:
-    """Curves through the localized borders, with the levels of their parameter polygons.
+def fitted_network(traced: Borders, localized: Borders, grid: float) -> Network:
+    """Curves through the localized borders, on a grid of `grid` pixels, with the levels of their parameter polygons.
 
     Curves that cross themselves or others, as they may around regions a pixel or two wide, go back to the border as it
     was traced and follow it ever more closely.
@@ -22,7 +23,7 @@ def fitted_network(traced: Borders, localized: Borders) -> Network:
     tries = np.zeros(len(traced.borders), np.int64)
     while True:
         network = rounded_network(
-            boundary_network(_mixed(traced, localized, tries), [FALLBACKS[k] for k in tries])
+            boundary_network(_mixed(traced, localized, tries), [FALLBACKS[k] for k in tries]), grid
         )
         crossing = crossing_curves(with_levels(network, FINEST_LEVEL))
         pending = crossing[tries[crossing] < len(FALLBACKS) - 1]
@@ -31,7 +32,7 @@ def fitted_network(traced: Borders, localized: Borders) -> Network:
         tries[pending] += 1
 
 
-def _mixed(traced: Borders, localized: Borders, tries: np.ndarray) -> Borders:
+def _mixed(traced: Borders, localized: Borders, tries: NDArray[np.int64]) -> Borders:
     """Localized borders, but traced ones, nodes included, where the first try failed."""
     nodes = localized.nodes.copy()
     chosen = list(localized.borders)

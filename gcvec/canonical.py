@@ -7,6 +7,7 @@ triangulation, and equations (1) and (2) on it. Fit, error, rendering and export
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,12 @@ class Foundation:
     space: ColorSpace
     control_points: Floats
 
+    @cached_property
+    def bare_canvas(self) -> Canvas:
+        """The canvas without control points: its mesh is the one that S is defined on."""
+        geometry = self.geometry
+        return Canvas(self, geometry.mesh, geometry.blend, geometry.image[geometry.mesh.n_samples :])
+
 
 @dataclass(frozen=True)
 class Canvas:
@@ -65,6 +72,13 @@ class Canvas:
     def coverage(self, drawing: Drawing) -> Coverage:
         network = self.foundation.network
         return Coverage(drawing.image, drawing.triangles, network.width, network.height)
+
+    def patch_of_points(self) -> Ints:
+        """`(n,)` patch of every interior control point."""
+        mesh = self.mesh
+        owner = np.zeros(len(mesh.vertices), np.int64)
+        owner[mesh.triangles] = mesh.patch[:, None]
+        return owner[mesh.n_samples : mesh.first_free]
 
     def foldovers(self) -> Ints:
         """Triangles of the mesh that S turns over."""

@@ -1,8 +1,8 @@
-"""The `.gcv` file (paper, section 5.1).
+"""The `.gcv` file (paper, section 5.1): everything in steps, entropy coded.
 
-Layout: magic `GCV`, a version byte, the CRC-32 of the rest, and one zlib stream of the parts in `_Writer` order. Geometry is
-stored in steps of 1/16 pixel, boundary colours in steps of 1/255; the colours of interior control points are residuals against what
-the boundary alone predicts there.
+The letters GCV, a version byte, the CRC-32 of what follows, and one range-coded stream: sizes and steps, the curves'
+topology and control points, boundary colours, a bitmap of interior control points, and their colours as
+residuals against what their surroundings predict. `docs/format.md` describes it for other implementations.
 """
 
 from __future__ import annotations
@@ -10,16 +10,32 @@ from __future__ import annotations
 import json
 import struct
 import zlib
-from dataclasses import replace
+from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gcvec import color_coding, entropy
 from gcvec.boundary import Curve, Network, straight_line
-from gcvec.canonical import Foundation, lay_canvas, lay_foundation
-from gcvec.color_space import color_space
+from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation
+from gcvec.color_coding import BASIS
+from gcvec.color_space import LEFT, RIGHT
+from gcvec.curve_coding import (
+    CURVE_CONTEXTS,
+    END,
+    HARD,
+    LEVEL,
+    SEGMENTS,
+    START,
+    code_geometry,
+    code_topology,
+)
+from gcvec.domain import FINEST_LEVEL
+from gcvec.entropy import Coder
 from gcvec.errors import InputError
+from gcvec.loops import network_loops
 from gcvec.planar_graph import OUTSIDE
+from gcvec.quantization import Quantization
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
@@ -27,70 +43,30 @@ Ints = NDArray[np.int64]
 
 MAGIC = b"GCV"
 VERSION = 1
-POSITION_STEP = 1 / 16
-COLOR_STEP = 1 / 255
-RESIDUAL_STEP = 2 / 255
-LARGEST_PAYLOAD = 1 << 28
 
+MOST_PIXELS = 1 << 26
+MOST_CURVES = 1 << 20
+MOST_CONTROL_POINTS = 1 << 24
+MOST_LABEL_BYTES = 1 << 24
+"""What a file may claim; a reader allocates no more than these allow."""
 
-def rounded_network(network: Network) -> Network:
-    """The network on the grid of the file: what a decoder will see, so that the fit can count on it."""
-    return replace(network, curves=tuple(_rounded(c) for c in network.curves))
-
-
-def _rounded(curve: Curve) -> Curve:
-    control = np.round(curve.control_points / POSITION_STEP) * POSITION_STEP
-    if curve.on_frame:
-        control = straight_line(control[0], control[-1], curve.segments)
-    return replace(curve, control_points=control)
-
-
-def predicted_colors(foundation: Foundation, boundary_colors: Floats, points: Ints) -> Floats:
-    """Colours `(n, 3)` that the patches without interior control points have at pixels `points`."""
-    canvas = lay_canvas(foundation, np.zeros((0, 2), np.int64))
-    operator, corner_color = canvas.operator(canvas.drawing(flatness=np.inf))
-    colors = operator @ boundary_colors
-    mesh = canvas.mesh
-    triangle = foundation.geometry.triangle_at[points[:, 1], points[:, 0]]
-    a, b, c = (mesh.vertices[mesh.triangles[triangle, k]] for k in range(3))
-    (ux, uy), (vx, vy), (px, py) = (b - a).T, (c - a).T, (points + 0.5 - a).T
-    area = ux * vy - uy * vx
-    s, t = (px * vy - py * vx) / area, (ux * py - uy * px) / area
-    weights = np.stack([1 - s - t, s, t], axis=1)
-    return np.einsum("nk,nkc->nc", weights, colors[corner_color[triangle]])
+_SIZES, _TEXT, _CURVES = 0, entropy.SEQUENCE_CONTEXTS, 2 * entropy.SEQUENCE_CONTEXTS
+_BOUNDARY = _CURVES + CURVE_CONTEXTS
+_OCCUPANCY = _BOUNDARY + color_coding.COLOR_CONTEXTS
+_COLORS = _OCCUPANCY + entropy.OCCUPANCY_CONTEXTS
+_CONTEXTS = _COLORS + color_coding.COLOR_CONTEXTS
 
 
 def encode(image: VectorImage) -> bytes:
     """The file of a vector image."""
-    if image.control_points is not None:
-        raise NotImplementedError
-    network = image.network
-    writer = _Writer()
-    writer.numbers([network.width, network.height, network.n_nodes, len(network.curves), len(network.loops)])
-    for field in ("left", "right", "start", "end", "level", "segments"):
-        writer.numbers(np.array([getattr(c, field) for c in network.curves]))
-    writer.numbers(image.hard.astype(np.int64))
-    writer.numbers(np.concatenate([_geometry_numbers(c) for c in network.curves]))
-    writer.numbers(
-        np.concatenate([np.array([len(loops), *(len(x) for x in loops)]) for loops in network.loops])
-    )
-    walk = [2 * c + forward for loops in network.loops for loop in loops for c, forward in loop]
-    writer.numbers(np.array(walk, np.int64))
-    writer.numbers(np.round(image.boundary_colors / COLOR_STEP).astype(np.int64).T.ravel())
-    flat = image.points[:, 1] * network.width + image.points[:, 0]
-    writer.numbers(np.diff(flat, prepend=0))
-    predicted = predicted_colors(image.foundation, image.boundary_colors, image.points)
-    writer.numbers(np.round((image.point_colors - predicted) / RESIDUAL_STEP).astype(np.int64).T.ravel())
-    writer.text(json.dumps(image.labels))
-    payload = zlib.compress(bytes(writer.data), 9)
-    return MAGIC + bytes([VERSION]) + struct.pack("<I", zlib.crc32(payload)) + payload
-
-
-def _geometry_numbers(curve: Curve) -> Ints:
-    grid = np.round(curve.control_points / POSITION_STEP).astype(np.int64)
-    if curve.on_frame:
-        grid = grid[[0, -1]]
-    return np.asarray(np.diff(grid, axis=0, prepend=0).ravel())
+    capacity = 1 << 16
+    while True:
+        coder = entropy.writer(capacity, _CONTEXTS)
+        _write(coder, image)
+        stream = entropy.finish(coder)
+        if stream is not None:
+            return MAGIC + bytes([VERSION]) + struct.pack("<I", zlib.crc32(stream)) + stream
+        capacity *= 4
 
 
 def decode(data: bytes) -> VectorImage:
@@ -98,97 +74,214 @@ def decode(data: bytes) -> VectorImage:
     if data[:3] != MAGIC:
         raise InputError("not a gcvec file", code="broken-gcv")
     if len(data) < 8 or data[3] != VERSION:
-        raise InputError("a gcvec file of another version", code="broken-gcv")
+        raise InputError("a gcvec file of a version this program does not know", code="broken-gcv")
     if zlib.crc32(data[8:]) != struct.unpack("<I", data[4:8])[0]:
         raise InputError("the file is damaged or cut short", code="broken-gcv")
-    inflater = zlib.decompressobj()
+    coder = entropy.reader(data[8:], _CONTEXTS)
     try:
-        return _decoded(_Reader(inflater.decompress(data[8:], LARGEST_PAYLOAD)))
-    except (zlib.error, ValueError, IndexError, TypeError, struct.error) as problem:
-        raise InputError("the file is damaged or cut short", code="broken-gcv") from problem
+        return _read(coder)
+    except (ValueError, IndexError, RuntimeError, MemoryError, OverflowError) as problem:
+        raise InputError(f"the file is damaged: {problem}", code="broken-gcv") from problem
 
 
-def _decoded(reader: _Reader) -> VectorImage:
-    width, height, n_nodes, n_curves, n_patches = (int(n) for n in reader.numbers())
-    left, right, start, end, level, segments = (reader.numbers() for _ in range(6))
-    hard = reader.numbers().astype(bool)
-    numbers = reader.numbers()
-    curves = []
-    at = 0
-    for c in range(n_curves):
-        on_frame, closed = OUTSIDE in (left[c], right[c]), start[c] < 0
-        n = 2 if on_frame else int(segments[c]) + (0 if closed else 3)
-        control = np.cumsum(numbers[at : at + 2 * n].reshape(n, 2), axis=0) * POSITION_STEP
-        at += 2 * n
-        if on_frame:
-            control = straight_line(control[0], control[-1], int(segments[c]))
-        curves.append(Curve(control, int(left[c]), int(right[c]), int(start[c]), int(end[c]), int(level[c])))
-    sizes, walk = iter(reader.numbers().tolist()), iter(reader.numbers().tolist())
-    loops = tuple(
-        tuple(tuple((k // 2, bool(k % 2)) for k in _take(walk, n)) for n in _take(sizes, next(sizes)))
-        for _ in range(n_patches)
+def _write(coder: Coder, image: VectorImage) -> None:
+    network, steps = image.network, image.quantization
+    sizes = [network.width, network.height, network.n_nodes, len(network.curves), len(network.loops)]
+    entropy.code_sequence(
+        coder, _SIZES, np.array([*sizes, *astuple(steps), image.control_points is not None])
     )
-    network = Network(width, height, n_nodes, tuple(curves), loops)
-    boundary_colors = reader.numbers().reshape(3, -1).T * COLOR_STEP
-    if len(boundary_colors) != color_space(network, hard).size:
-        raise ValueError("the number of colours does not fit the curves")
-    flat = np.cumsum(reader.numbers())
-    points = np.stack([flat % width, flat // width], axis=1)
-    residual = reader.numbers().reshape(3, -1).T * RESIDUAL_STEP
-    labels = tuple(json.loads(reader.text()))
-    foundation = lay_foundation(network, hard)
-    predicted = predicted_colors(foundation, boundary_colors, points)
-    image = VectorImage(network, hard, boundary_colors, points, predicted + residual, labels)
-    image.__dict__["foundation"] = foundation
+    text = np.frombuffer(json.dumps(image.labels, ensure_ascii=False).encode(), np.uint8).astype(np.int64)
+    entropy.code_sequence(coder, _SIZES, np.array([len(text)]))
+    entropy.code_sequence(coder, _TEXT, text)
+    table = np.array(
+        [
+            (c.left, c.right, c.start, c.end, c.level, c.segments, h)
+            for c, h in zip(network.curves, image.hard, strict=True)
+        ]
+    )
+    code_topology(coder, _CURVES, table)
+    reference = np.concatenate([c.control_points for c in network.curves])
+    _code_positions(coder, table, steps, reference)
+    if image.control_points is not None:
+        _code_positions(coder, table, steps, image.control_points)
+    colors = image.boundary_colors.copy()
+    _code_boundary(coder, image.foundation, steps, colors)
+    occupied = np.zeros((network.height, network.width), np.uint8)
+    occupied[image.points[:, 1], image.points[:, 0]] = 1
+    entropy.code_occupancy(coder, _OCCUPANCY, occupied)
+    _code_points(coder, image.canvas, steps, image.points, colors, image.point_colors.copy())
+
+
+def _read(coder: Coder) -> VectorImage:
+    sizes = np.zeros(9, np.int64)
+    entropy.code_sequence(coder, _SIZES, sizes)
+    width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
+    steps = Quantization(*(int(n) for n in sizes[5:8]))
+    edited = bool(sizes[8])
+    _demand(0 < width and 0 < height and width * height <= MOST_PIXELS, "impossible size")
+    _demand(
+        0 < n_curves <= MOST_CURVES and 0 <= n_nodes <= 2 * n_curves and 0 < n_patches <= n_curves,
+        "impossible counts",
+    )
+    _demand(
+        0 <= steps.position_bits <= 12 and min(steps.boundary_step, steps.point_step) > 0, "impossible steps"
+    )
+    labels = _read_labels(coder, n_patches)
+    table = np.zeros((n_curves, 7), np.int64)
+    code_topology(coder, _CURVES, table)
+    _check_topology(table, n_nodes, n_patches)
+    _demand(entropy.overrun(coder) == 0, "cut short")
+    reference = np.zeros((int(_control_counts(table).sum()), 2))
+    _code_positions(coder, table, steps, reference)
+    moved = np.zeros_like(reference) if edited else None
+    if moved is not None:
+        _code_positions(coder, table, steps, moved)
+    network = _network(width, height, n_nodes, n_patches, table, reference)
+    hard = table[:, HARD].astype(bool)
+    foundation = lay_foundation(network, hard, moved)
+    boundary_colors = np.zeros((foundation.space.size, 3))
+    _code_boundary(coder, foundation, steps, boundary_colors)
+    _demand(entropy.overrun(coder) == 0, "cut short")
+    occupied = np.zeros((height, width), np.uint8)
+    entropy.code_occupancy(coder, _OCCUPANCY, occupied)
+    ys, xs = np.nonzero(occupied)
+    points = np.stack([xs, ys], axis=1).astype(np.int64)
+    canvas = lay_canvas(foundation, points)
+    point_colors = np.zeros((len(points), 3))
+    _code_points(coder, canvas, steps, points, boundary_colors, point_colors)
+    _demand(entropy.overrun(coder) == 0, "cut short")
+    image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
+    image.__dict__.update(foundation=foundation, canvas=canvas)
     return image
 
 
-def _take(numbers, n):  # type: ignore[no-untyped-def]
-    return [next(numbers) for _ in range(n)]
+def _demand(condition: bool, what: str) -> None:
+    if not condition:
+        raise ValueError(what)
 
 
-class _Writer:
-    """Length-prefixed vectors of integers, zigzag-coded in the fewest bytes that hold them."""
-
-    def __init__(self) -> None:
-        self.data = bytearray()
-
-    def numbers(self, values: Ints | list[int]) -> None:
-        signed = np.asarray(values, np.int64)
-        unsigned = ((signed << 1) ^ (signed >> 63)).astype(np.uint64)
-        largest = int(unsigned.max(initial=0))
-        size = next(n for n in (1, 2, 4, 8) if largest < 1 << (8 * n))
-        planes = unsigned.astype(f"<u{size}").view(np.uint8).reshape(-1, size).T
-        self.data += struct.pack("<BI", size, len(signed)) + planes.tobytes()
-
-    def text(self, value: str) -> None:
-        raw = value.encode()
-        self.data += struct.pack("<I", len(raw)) + raw
+def _read_labels(coder: Coder, n_patches: int) -> tuple[str, ...]:
+    size = np.zeros(1, np.int64)
+    entropy.code_sequence(coder, _SIZES, size)
+    _demand(0 <= size[0] <= MOST_LABEL_BYTES, "impossible labels")
+    text = np.zeros(int(size[0]), np.int64)
+    entropy.code_sequence(coder, _TEXT, text)
+    _demand(entropy.overrun(coder) == 0, "cut short")
+    labels = json.loads(text.astype(np.uint8).tobytes().decode())
+    _demand(isinstance(labels, list) and len(labels) == n_patches, "labels that do not fit the patches")
+    return tuple(str(label) for label in labels)
 
 
-class _Reader:
-    """The inverse of `_Writer`; `ValueError` or `struct.error` where the data end too soon."""
+def _check_topology(table: Ints, n_nodes: int, n_patches: int) -> None:
+    sides = table[:, :2]
+    _demand(bool(((sides >= OUTSIDE) & (sides < n_patches)).all()), "a curve beside an unknown patch")
+    _demand(bool((sides[:, 0] != sides[:, 1]).all()), "a curve with the same patch on both sides")
+    ends = table[:, [START, END]]
+    closed = ends[:, 0] < 0
+    _demand(bool(((ends >= -1) & (ends < n_nodes)).all()), "a curve at an unknown node")
+    _demand(bool((closed == (ends[:, 1] < 0)).all()), "a curve with one end")
+    _demand(len(np.unique(ends[~closed])) == n_nodes, "a node without curves")
+    _demand(bool(((table[:, LEVEL] >= 0) & (table[:, LEVEL] <= FINEST_LEVEL)).all()), "an impossible level")
+    fewest = np.where(closed, 3, 1)
+    _demand(bool((table[:, SEGMENTS] >= fewest).all()), "a curve without segments")
+    _demand(int(_control_counts(table).sum()) <= MOST_CONTROL_POINTS, "too many control points")
 
-    def __init__(self, data: bytes) -> None:
-        self.data = data
-        self.at = 0
 
-    def _bytes(self, n: int) -> bytes:
-        if self.at + n > len(self.data):
-            raise ValueError("cut short")
-        self.at += n
-        return self.data[self.at - n : self.at]
+def _control_counts(table: Ints) -> Ints:
+    return np.asarray(table[:, SEGMENTS] + np.where(table[:, START] < 0, 0, 3))
 
-    def numbers(self) -> Ints:
-        size, count = struct.unpack("<BI", self._bytes(5))
-        if size not in (1, 2, 4, 8):
-            raise ValueError("bad number size")
-        planes = np.frombuffer(self._bytes(size * count), np.uint8).reshape(size, count)
-        unsigned = np.ascontiguousarray(planes.T).view(f"<u{size}").ravel().astype(np.uint64)
-        return np.asarray(
-            (unsigned >> np.uint64(1)).astype(np.int64) ^ -(unsigned & np.uint64(1)).astype(np.int64)
+
+def _code_positions(coder: Coder, table: Ints, steps: Quantization, control_points: Floats) -> None:
+    """Write the control points `(n, 2)` of all curves, or read them.
+
+    Nodes count once; curves on the frame are straight lines between theirs.
+    """
+    closed = table[:, START] < 0
+    on_frame = (table[:, :2] == OUTSIDE).any(axis=1)
+    counts = _control_counts(table)
+    first = np.cumsum(counts) - counts
+    inner_counts = np.where(on_frame & ~closed, 0, np.where(closed, counts, counts - 2))
+    offsets = np.concatenate([[0], np.cumsum(inner_counts)])
+    inner = np.arange(offsets[-1]) + np.repeat(first + ~closed - offsets[:-1], inner_counts)
+    open_curves = np.flatnonzero(~closed)
+    ends = np.concatenate([first[open_curves], first[open_curves] + counts[open_curves] - 1])
+    at = np.concatenate([table[open_curves, START], table[open_curves, END]])
+    nodes = np.zeros((int(at.max(initial=-1)) + 1, 2), np.int64)
+    grid = np.round(control_points / steps.grid).astype(np.int64)
+    nodes[at] = grid[ends]
+    places = grid[inner]
+    code_geometry(coder, _CURVES, table, offsets, nodes, places)
+    control_points[inner] = places * steps.grid
+    control_points[ends] = nodes[at] * steps.grid
+    for c in np.flatnonzero(on_frame & ~closed):
+        own = slice(first[c], first[c] + counts[c])
+        control_points[own] = straight_line(
+            control_points[own][0], control_points[own][-1], int(table[c, SEGMENTS])
         )
 
-    def text(self) -> str:
-        (count,) = struct.unpack("<I", self._bytes(4))
-        return self._bytes(count).decode()
+
+def _network(
+    width: int, height: int, n_nodes: int, n_patches: int, table: Ints, control_points: Floats
+) -> Network:
+    parts = np.split(control_points, np.cumsum(_control_counts(table))[:-1])
+    curves = tuple(
+        Curve(part, *(int(n) for n in row[: HARD - 1])) for part, row in zip(parts, table, strict=True)
+    )
+    return Network(width, height, n_nodes, curves, network_loops(curves, n_patches))
+
+
+def _code_boundary(coder: Coder, foundation: Foundation, steps: Quantization, colors: Floats) -> None:
+    """Write the boundary colours, or read them; either way `colors` becomes what a decoder sees."""
+    offsets, unknown = foundation.samples.offsets, foundation.space.of_control
+    sides = [
+        (unknown[side, offsets[c] : offsets[c + 1]], patch)
+        for c, curve in enumerate(foundation.network.curves)
+        for side, patch in ((RIGHT, curve.right), (LEFT, curve.left))
+        if patch != OUTSIDE
+    ]
+    starts = np.concatenate([[0], np.cumsum([len(u) for u, _ in sides])])
+    color_coding.code_boundary_colors(
+        coder,
+        _BOUNDARY,
+        np.concatenate([u for u, _ in sides]),
+        starts,
+        np.array([patch for _, patch in sides]),
+        len(foundation.network.loops),
+        colors,
+        steps.boundary,
+        BASIS,
+    )
+
+
+def _code_points(
+    coder: Coder, canvas: Canvas, steps: Quantization, points: Ints, boundary_colors: Floats, colors: Floats
+) -> None:
+    """Write the interior colours, or read them; either way `colors` becomes what a decoder sees."""
+    network = canvas.foundation.network
+    color_coding.code_point_colors(
+        coder,
+        _COLORS,
+        color_coding.progressive_order(points),
+        points,
+        canvas.patch_of_points(),
+        predicted_colors(canvas.foundation, boundary_colors, points),
+        colors,
+        network.width,
+        network.height,
+        steps.point,
+        BASIS,
+    )
+
+
+def quantized_boundary(foundation: Foundation, steps: Quantization, colors: Floats) -> Floats:
+    """Boundary colours `(b, 3)` as a decoder will see them."""
+    seen = colors.copy()
+    _code_boundary(entropy.writer(0, _CONTEXTS), foundation, steps, seen)
+    return seen
+
+
+def predicted_colors(foundation: Foundation, boundary_colors: Floats, points: Ints) -> Floats:
+    """Colours `(n, 3)` that the patches without interior control points have at pixels `points` `(n, 2)`."""
+    bare = foundation.bare_canvas
+    operator, corner_color = bare.operator(bare.drawing(flatness=np.inf))
+    return foundation.geometry.interpolate(points + 0.5, (operator @ boundary_colors)[corner_color])

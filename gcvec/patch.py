@@ -170,27 +170,33 @@ class Geometry:
     """The map S from the parameter domains to the image, linear on the mesh without control points.
 
     mesh          that mesh
+    blend         its free vertices as blends of the curves
     image         (v, 2) where S takes its vertices
     triangle_at   (h, w) int32, the triangle that holds each pixel centre in the parameter domain
     """
 
     mesh: Mesh
+    blend: Blend
     image: Floats
     triangle_at: NDArray[np.int32]
 
     def to_image(self, points: Floats) -> Floats:
         """S at points `(n, 2)` of the parameter domain, each in the triangle that holds its pixel's centre."""
+        shift = self.image - self.mesh.vertices
+        return points + self.interpolate(points, shift[self.mesh.triangles])
+
+    def interpolate(self, points: Floats, corner_values: Floats) -> Floats:
+        """A function given at the corners of the mesh's triangles `(t, 3, d)`, at points `(n, 2)` of the domain."""
         height, width = self.triangle_at.shape
         column = np.clip(points[:, 0].astype(np.int64), 0, width - 1)
         row = np.clip(points[:, 1].astype(np.int64), 0, height - 1)
-        corners = self.mesh.triangles[self.triangle_at[row, column]]
-        a, b, c = (self.mesh.vertices[corners[:, k]] for k in range(3))
+        triangle = self.triangle_at[row, column]
+        a, b, c = (self.mesh.vertices[self.mesh.triangles[triangle, k]] for k in range(3))
         (ux, uy), (vx, vy), (px, py) = (b - a).T, (c - a).T, (points - a).T
         area = ux * vy - uy * vx
         s, t = (px * vy - py * vx) / area, (ux * py - uy * px) / area
-        shift = self.image - self.mesh.vertices
         weights = np.stack([1 - s - t, s, t], axis=1)
-        return np.asarray(points + np.einsum("nk,nkd->nd", weights, shift[corners]))
+        return np.asarray(np.einsum("nk,nkd->nd", weights, corner_values[triangle]))
 
     def patch_at(self) -> Ints:
         """`(h, w) int64`: the patch whose parameter domain holds each pixel centre."""
@@ -204,8 +210,9 @@ def geometry(network: Network, samples: BoundarySamples, control_points: Floats)
     """
     mesh = build_mesh(network, samples, np.zeros((0, 2), np.int64))
     on_curves = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
-    image = np.concatenate([on_curves, blend(network, samples, mesh).boundary @ control_points])
+    blended = blend(network, samples, mesh)
+    image = np.concatenate([on_curves, blended.boundary @ control_points])
     triangle_at = raster.triangle_at_pixel_centres(
         mesh.vertices, mesh.triangles, network.width, network.height
     )
-    return Geometry(mesh, image, triangle_at)
+    return Geometry(mesh, blended, image, triangle_at)

@@ -21,6 +21,7 @@ from gcvec.options import Options
 from gcvec.partition import Partition, partition
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
+from gcvec.quantization import Quantization
 from gcvec.refine import Step, refine_batch
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
@@ -46,6 +47,7 @@ def vectorize(
     clock = StageClock()
     height, width = pixels.shape[:2]
     picture = pixels / 255.0
+    steps = Quantization()
     tell = _Teller(on_progress, options.target_mse)
 
     tell.stage("regions", 0.01)
@@ -55,7 +57,7 @@ def vectorize(
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
         found = borders(planar_graph(regions.labels), width, height)
-        network = fitted_network(found, localized(found, picture))
+        network = fitted_network(found, localized(found, picture), steps.grid)
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
     tell.stage("mesh", 0.1)
@@ -79,6 +81,7 @@ def vectorize(
             refined.points[order],
             refined.colors[n:][order],
             regions.names,
+            steps,
         )
         data = encode(image)
         image = decode(data)

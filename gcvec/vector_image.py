@@ -14,6 +14,7 @@ from gcvec import raster
 from gcvec.boundary import Network
 from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation
 from gcvec.drawing import FLATNESS
+from gcvec.quantization import Quantization
 
 if TYPE_CHECKING:
     from gcvec.metrics import Report
@@ -32,6 +33,7 @@ class VectorImage:
     points           (n, 2) int64, interior control points as pixels of the parameter domain, by rows
     point_colors     (n, 3) float64 in [0, 1]
     labels           the label of each patch
+    quantization     the steps in which its file stores all this
     control_points   (c, 2) float64, control points of all curves after an edit; None: those of the network
     """
 
@@ -41,6 +43,7 @@ class VectorImage:
     points: Ints
     point_colors: Floats
     labels: tuple[str, ...]
+    quantization: Quantization = Quantization()
     control_points: Floats | None = None
     warnings: tuple[str, ...] = ()
     report: Report | None = field(default=None)
@@ -82,13 +85,10 @@ class VectorImage:
         """Triangles of the canonical mesh that the patches turn over."""
         return len(self.canvas.foldovers())
 
-    @cached_property
+    @property
     def patch_of_points(self) -> Ints:
         """`(n,)` patch of every interior control point."""
-        mesh = self.canvas.mesh
-        owner = np.zeros(len(mesh.vertices), np.int64)
-        owner[mesh.triangles] = mesh.patch[:, None]
-        return owner[mesh.n_samples : mesh.first_free]
+        return self.canvas.patch_of_points()
 
     def gouraud(self, scale: float = 1.0) -> tuple[Floats, Ints, Floats, Ints]:
         """The picture as triangles for output at `scale`.

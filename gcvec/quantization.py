@@ -1,0 +1,49 @@
+"""The steps in which a file stores positions and colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gcvec.boundary import Curve, Network, straight_line
+
+
+@dataclass(frozen=True)
+class Quantization:
+    """Steps of a file, as it stores them.
+
+    Curve control points lie on a grid of 2^-`position_bits` pixels. `boundary_step` and `point_step` are the steps of colour
+    differences on curves and at interior control points, in quarters of a 1/255 level.
+    """
+
+    position_bits: int = 4
+    boundary_step: int = 16
+    point_step: int = 16
+
+    @property
+    def grid(self) -> float:
+        """Grid of curve control points, pixels."""
+        return 0.5**self.position_bits
+
+    @property
+    def boundary(self) -> float:
+        """Step of boundary colours, for colours in [0, 1]."""
+        return self.boundary_step / 1020
+
+    @property
+    def point(self) -> float:
+        """Step of interior colours, for colours in [0, 1]."""
+        return self.point_step / 1020
+
+
+def rounded_network(network: Network, grid: float) -> Network:
+    """The network with control points on the grid of the file: what a decoder will see, so that the fit can count on it."""
+    return replace(network, curves=tuple(_rounded(c, grid) for c in network.curves))
+
+
+def _rounded(curve: Curve, grid: float) -> Curve:
+    control = np.round(curve.control_points / grid) * grid
+    if curve.on_frame:
+        control = straight_line(control[0], control[-1], curve.segments)
+    return replace(curve, control_points=control)
