@@ -22,7 +22,7 @@ from gcvec.partition import Partition, partition
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
-from gcvec.refine import Step, refine_batch
+from gcvec.refine import Refinement, Step
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -67,24 +67,10 @@ def vectorize(
         boundary_colors = fit_boundary_colors(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
-    refined = refine_batch(
-        foundation, boundary_colors, picture, options.target_mse, options.max_points, tell.iteration, clock
+    refinement = Refinement(foundation, boundary_colors, picture, options.max_points, tell.iteration, clock)
+    data, image = refine_to_file(
+        refinement, options.target_mse, hard, regions.names, Quantization(), pixels, clock
     )
-    tell.stage("encode", 0.97)
-    with clock.stage("encode"):
-        n = foundation.space.size
-        order = np.lexsort((refined.points[:, 0], refined.points[:, 1]))
-        image = VectorImage(
-            refined.foundation.network,
-            hard,
-            refined.colors[:n],
-            refined.points[order],
-            refined.colors[n:][order],
-            regions.names,
-            steps,
-        )
-        data = encode(image)
-        image = decode(data)
     with clock.stage("evaluation"):
         report = compare(pixels, image, len(data))
     seconds = {**clock.seconds, "total": time.perf_counter() - start}
@@ -92,6 +78,41 @@ def vectorize(
     result = replace(image, warnings=regions.warnings, report=report)
     tell.done(report.points, report.mse)
     return result
+
+
+def refine_to_file(refinement, target_mse, hard, names, steps, pixels, clock):
+    aim = target_mse * AIM
+    for _ in range(4):
+        more = refinement.add_until(aim)
+        for _ in range(EXCHANGES):
+            refinement.drop_least_useful(DROP)
+            more = refinement.add_until(aim)
+        refinement.settle()
+        with clock.stage("encode"):
+            n = refinement.foundation.space.size
+            order = np.lexsort((refinement.points[:, 0], refinement.points[:, 1]))
+            data = encode(
+                VectorImage(
+                    refinement.foundation.network,
+                    hard,
+                    refinement.colors[:n],
+                    refinement.points[order],
+                    refinement.colors[n:][order],
+                    names,
+                    steps,
+                )
+            )
+            image = decode(data)
+            mse = float(((image.render().astype(float) - pixels) ** 2).mean())
+        if mse <= target_mse or not more:
+            break
+        aim *= 0.98 * target_mse / mse
+    return data, image
+
+
+AIM = 0.9
+EXCHANGES = 2
+DROP = 0.15
 
 
 def _regions(

@@ -1,0 +1,45 @@
+"""Colours by least squares on blended pixels, equation (7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gcvec.canonical import Canvas
+from gcvec.drawing import Drawing
+from gcvec.least_squares import NormalEquations
+from gcvec.raster import Coverage
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ColorFit:
+    """Equation (7) on one canvas: ŷ = B R x, where R takes the unknowns to the mesh and B the mesh to pixels."""
+
+    operator: sparse.csr_array
+    corner_color: Ints
+    to_pixels: sparse.csr_array
+    gram: sparse.csr_array
+    target: Floats
+
+    def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
+        """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""
+        return NormalEquations(self.operator, self.gram, pull, self.target + pull[:, None] * prior)
+
+    def picture(self, colors: Floats) -> Floats:
+        """ŷ `(pixels, 3)`."""
+        result: Floats = self.to_pixels @ (self.operator @ colors)
+        return result
+
+
+def color_fit(canvas: Canvas, drawing: Drawing, coverage: Coverage, truth: Floats) -> ColorFit:
+    """The fit of a canvas to the pixels `truth` `(pixels, 3)`."""
+    operator, corner_color = canvas.operator(drawing)
+    to_pixels = coverage.matrix(corner_color, operator.shape[0])
+    gram = (to_pixels.T @ to_pixels).tocsr()
+    return ColorFit(operator, corner_color, to_pixels, gram, operator.T @ (to_pixels.T @ truth))
