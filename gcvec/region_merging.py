@@ -65,11 +65,12 @@ def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDAr
         smaller = _smaller(borders, areas)
         gain = _gain(borders, areas[smaller])
         chosen = _weakest_of_smaller(borders, smaller, gain)
+        most = max(len(areas) // _BATCH, 1)
         if regions:
-            chosen = _smallest(gain, chosen, len(areas) - regions)
+            most = min(most, len(areas) - regions)
         else:
             chosen = chosen[gain[chosen] < 0]
-        chosen = _smallest(gain, chosen, max(len(areas) // _BATCH, 1))
+        chosen = _smallest(gain, chosen, most)
         if not len(chosen):
             break
         joined = _joined(borders, chosen, len(areas))
@@ -92,7 +93,8 @@ def _gain(borders: Borders, smaller_area: NDArray[np.int64]) -> NDArray[np.float
     """
     mean_step = borders.step / borders.length[:, None]
     worth = (borders.energy / borders.length + np.square(mean_step).mean(axis=1)) / 2
-    return worth - 1 - _REGION_COST / smaller_area - _SLIVERS_FIRST * (smaller_area < SLIVER_AREA)
+    gain: NDArray[np.float64] = worth - 1 - _REGION_COST / smaller_area
+    return gain - _SLIVERS_FIRST * (smaller_area < SLIVER_AREA)
 
 
 def _weakest_of_smaller(

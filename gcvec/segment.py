@@ -85,8 +85,9 @@ def _borders(
     basins: NDArray[np.int32], colours: _Colours, steepness: NDArray[np.float32], scale: int
 ) -> Borders:
     """The borders of the basins, with the colour step across them beyond what the texture around explains."""
-    smooth = ndimage.gaussian_filter(colours, (scale, scale, 0), mode="nearest")
-    texture = _TEXTURE_SHARE * ndimage.uniform_filter(np.square(steepness), _TEXTURE_WINDOW * scale)
+    smooth = np.asarray(ndimage.gaussian_filter(colours, (scale, scale, 0), mode="nearest"), np.float32)
+    around = ndimage.uniform_filter(np.square(steepness), _TEXTURE_WINDOW * scale)
+    texture = np.asarray(_TEXTURE_SHARE * around, np.float32)
     parts = [_cracks(basins, smooth, texture, scale)]
     parts.append(_cracks(basins.T, smooth.transpose(1, 0, 2), texture.T, scale))
     origin, target, step = (np.concatenate(values) for values in zip(*parts, strict=True))
