@@ -22,6 +22,7 @@ from gcvec.partition import Partition, partition
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.refine import Step, refine_batch
+from gcvec.segment import segment
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -50,7 +51,7 @@ def vectorize(
 
     tell.stage("regions", 0.01)
     with clock.stage("regions"):
-        regions = _regions(pixels, picture, annotations)
+        regions = _regions(pixels, picture, annotations, options.regions)
     tell.regions = len(regions.names)
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
@@ -92,12 +93,11 @@ def vectorize(
 
 
 def _regions(
-    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None
+    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None, wanted: int
 ) -> Partition:
-    height, width = pixels.shape[:2]
     if annotations is None:
-        whole = np.zeros((height, width), np.int32)
-        return Partition(whole, ("picture",), ())
+        return segment(pixels, wanted)
+    height, width = pixels.shape[:2]
     regions = partition(annotations, width, height)
     return replace(regions, labels=snap_borders(regions.labels, picture, SNAP))
 
