@@ -13,7 +13,7 @@ from gcvec.borders import borders
 from gcvec.boundary_fit import fitted_network
 from gcvec.boundary_color import color_samples, fit_boundary_colors, hard_edges
 from gcvec.canonical import lay_unfolded_foundation
-from gcvec.codec import decode, encode
+from gcvec.draft import Draft
 from gcvec.components import absorb_slivers
 from gcvec.localize import localized
 from gcvec.metrics import compare
@@ -22,7 +22,9 @@ from gcvec.partition import Partition, partition
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
-from gcvec.refine import Refinement, Step
+from gcvec.refine import Step, refine_batch
+from gcvec.refine_paper import refine_paper
+from gcvec.segment import segment
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -52,7 +54,7 @@ def vectorize(
 
     tell.stage("regions", 0.01)
     with clock.stage("regions"):
-        regions = _regions(pixels, picture, annotations)
+        regions = _regions(pixels, picture, annotations, options.regions)
     tell.regions = len(regions.names)
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
@@ -67,9 +69,10 @@ def vectorize(
         boundary_colors = fit_boundary_colors(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
-    refinement = Refinement(foundation, boundary_colors, picture, options.max_points, tell.iteration, clock)
-    data, image = refine_to_file(
-        refinement, options.target_mse, hard, regions.names, Quantization(), pixels, clock
+    draft = Draft(hard, regions.names, steps)
+    refine = refine_paper if options.strategy == "paper" else refine_batch
+    data, image = refine(
+        foundation, boundary_colors, pixels, draft, options.target_mse, options.max_points, tell.iteration, clock
     )
     with clock.stage("evaluation"):
         report = compare(pixels, image, len(data))
@@ -80,48 +83,12 @@ def vectorize(
     return result
 
 
-def refine_to_file(refinement, target_mse, hard, names, steps, pixels, clock):
-    aim = target_mse * AIM
-    for _ in range(4):
-        more = refinement.add_until(aim)
-        for _ in range(EXCHANGES):
-            refinement.drop_least_useful(DROP)
-            more = refinement.add_until(aim)
-        refinement.settle()
-        with clock.stage("encode"):
-            n = refinement.foundation.space.size
-            order = np.lexsort((refinement.points[:, 0], refinement.points[:, 1]))
-            data = encode(
-                VectorImage(
-                    refinement.foundation.network,
-                    hard,
-                    refinement.colors[:n],
-                    refinement.points[order],
-                    refinement.colors[n:][order],
-                    names,
-                    steps,
-                )
-            )
-            image = decode(data)
-            mse = float(((image.render().astype(float) - pixels) ** 2).mean())
-        if mse <= target_mse or not more:
-            break
-        aim *= 0.98 * target_mse / mse
-    return data, image
-
-
-AIM = 0.9
-EXCHANGES = 2
-DROP = 0.15
-
-
 def _regions(
-    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None
+    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None, wanted: int
 ) -> Partition:
-    height, width = pixels.shape[:2]
     if annotations is None:
-        whole = np.zeros((height, width), np.int32)
-        return Partition(whole, ("picture",), ())
+        return segment(pixels, wanted)
+    height, width = pixels.shape[:2]
     regions = partition(annotations, width, height)
     return replace(regions, labels=snap_borders(regions.labels, picture, SNAP))
 

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import Canvas, Foundation, lay_canvas, refined_domains
 from gcvec.color_fit import ColorFit, color_fit
+from gcvec.draft import Draft, measured_mse
 from gcvec.drawing import Drawing
 from gcvec.least_squares import solve, solve_bounded
 from gcvec.raster import Coverage
 from gcvec.selection import best_insertions, choose_points, room, usefulness
 from gcvec.timing import StageClock
+from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,6 +34,15 @@ BOUNDARY_WEIGHT = 0.05
 GROWTH = 0.2
 FIRST_POINTS = 1 / 1500
 """A round adds this share of the points there are, and this many a pixel on top."""
+
+AIM = 0.9
+"""Share of the target at which refinement first stops: rounding to the file's steps takes the rest."""
+
+EXCHANGES = 2
+DROPPED = 0.15
+"""How often this share of the control points, the least useful, is taken out and placed anew."""
+
+RETRIES = 4
 
 ROUND_ITERATIONS = 12
 FINAL_ITERATIONS = 60
@@ -47,6 +58,37 @@ class Step:
     worst_region: int
     worst_error: float
     mse: float
+
+
+def refine_batch(
+    foundation: Foundation,
+    boundary_colors: Floats,
+    pixels: NDArray[np.uint8],
+    draft: Draft,
+    target_mse: float,
+    max_points: int,
+    on_step: Callable[[Step], None],
+    clock: StageClock,
+) -> tuple[bytes, VectorImage]:
+    """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
+
+    `pixels` is the photo `(h, w, 3)`. `max_points` bounds the points of one region, 0 lifts the bound.
+    """
+    state = Refinement(foundation, boundary_colors, pixels / 255.0, max_points, on_step, clock)
+    aim = AIM * target_mse
+    for _ in range(RETRIES):
+        more = state.add_until(aim)
+        for _ in range(EXCHANGES):
+            state.drop_least_useful(DROPPED)
+            more = state.add_until(aim)
+        state.settle()
+        with clock.stage("encode"):
+            data, image = draft.file(state.foundation, state.points, state.colors)
+            mse = measured_mse(image, pixels)
+        if mse <= target_mse or not more:
+            break
+        aim *= 0.98 * target_mse / mse
+    return data, image
 
 
 class Refinement:

@@ -30,7 +30,7 @@ def vectorize(
             exists=True,
             dir_okay=False,
             readable=True,
-            help="Regions: CVAT for images 1.1. Without it the regions are found automatically.",
+            help="Regions: CVAT for images 1.1 or COCO 1.0. Without it the regions are found automatically.",
         ),
     ] = None,
     image_name: Annotated[
@@ -40,6 +40,9 @@ def vectorize(
             help="The picture's name in the annotations; default: the file's own name, else the only one.",
         ),
     ] = None,
+    regions: Annotated[
+        int, Option(metavar="N", help="How many automatic regions; 0: as many as pay for themselves.")
+    ] = Options.regions,
     strategy: Annotated[
         Literal["batch", "paper"], Option(help="How interior control points are placed.")
     ] = Options.strategy,
@@ -58,15 +61,17 @@ def vectorize(
     ] = None,
 ) -> None:
     """Turn a photo and its regions into a vector image."""
-    options = Options(strategy=strategy, target_mse=target_mse, max_points=max_points, workers=workers)
+    options = Options(
+        strategy=strategy, target_mse=target_mse, max_points=max_points, workers=workers, regions=regions
+    )
     require_folder(output, report, preview)
     picture = load_picture(image)
-    regions = _load_regions(annotations, image_name, image.name, picture) if annotations else None
+    annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
 
     from gcvec import vectorize
 
     with about(annotations or image), progress_bar() as on_progress:
-        result = vectorize(picture.pixels, regions, options, on_progress=on_progress)
+        result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
     warn(annotations or image, result.warnings)
     write(output, result.to_bytes())
     if report and result.report:

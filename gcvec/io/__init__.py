@@ -1,8 +1,13 @@
-"""Pictures and region annotations in. Light to import: Pillow, numpy and defusedxml, never the solver."""
+"""Pictures and region annotations in, regions out.
+
+Light to import: Pillow, numpy and defusedxml, never the solver.
+"""
 
 from gcvec.io.annotations import check_size, read_annotations
 from gcvec.io.limits import DEFAULT_LIMITS, Limits
 from gcvec.io.picture import Picture, PictureHeader, probe_picture, read_picture
+from gcvec.io.write_coco import write_coco
+from gcvec.io.write_cvat import write_cvat_xml
 
 __all__ = [
     "DEFAULT_LIMITS",
@@ -13,4 +18,6 @@ __all__ = [
     "probe_picture",
     "read_annotations",
     "read_picture",
+    "write_coco",
+    "write_cvat_xml",
 ]

@@ -118,7 +118,9 @@ def _parse(data: bytes) -> list[_Image]:
         raise InputError(
             "annotations refused: the XML declares a document type or entities", code="unsafe-annotations"
         ) from error
-    except (LookupError, UnicodeError) as error:
+    except InputError:
+        raise
+    except (LookupError, ValueError) as error:  # what expat makes of strange encodings
         raise InputError(f"broken annotations: {error}", code="broken-annotations") from error
     return document.images
 

@@ -193,8 +193,10 @@ def test_encodings_are_recognised(encoding: str) -> None:
     assert read_cvat_xml(text.encode(encoding), image_name="é.png").height == 4
 
 
-def test_an_unknown_encoding_is_refused() -> None:
-    assert refusal(b'<?xml version="1.0" encoding="klingon"?><annotations/>').code == "broken-annotations"
+@pytest.mark.parametrize("encoding", ["klingon", "utf-7", "hex"])
+def test_an_unusable_encoding_is_refused(encoding: str) -> None:
+    data = f'<?xml version="1.0" encoding="{encoding}"?><annotations/>'.encode()
+    assert refusal(data).code == "broken-annotations"
 
 
 TRIANGLE = '<polygon label="t" points="0,0;9,0;9,9"/>'

@@ -1,0 +1,60 @@
+"""`gcvec regions`: the automatic regions of a photo, as annotations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, BadParameter, Option
+
+from gcvec.cli._files import load_picture, require_folder, write
+
+if TYPE_CHECKING:
+    from gcvec.partition import Partition
+
+
+def regions(
+    image: Annotated[
+        Path, Argument(exists=True, dir_okay=False, readable=True, help="A PNG, JPEG, WebP or TIFF picture.")
+    ],
+    output: Annotated[
+        Path,
+        Option(
+            "-o",
+            "--output",
+            metavar="REGIONS",
+            help="Its ending says what is written: .xml (CVAT for images 1.1) or .json (COCO 1.0).",
+        ),
+    ],
+    count: Annotated[
+        int,
+        Option("--regions", min=0, metavar="N", help="How many regions; 0: as many as pay for themselves."),
+    ] = 0,
+) -> None:
+    """Divide a photo into regions along its edges, to correct by hand and pass to vectorize -a."""
+    require_folder(output)
+    document = DOCUMENTS.get(output.suffix.lower())
+    if document is None:
+        known = ", ".join(DOCUMENTS)
+        raise BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
+    picture = load_picture(image)
+
+    from gcvec.segment import segment
+
+    write(output, document(segment(picture.pixels, count), image.name))
+
+
+def _cvat(partition: Partition, image_name: str) -> bytes:
+    from gcvec.io import write_cvat_xml
+
+    return write_cvat_xml(partition, image_name)
+
+
+def _coco(partition: Partition, image_name: str) -> bytes:
+    from gcvec.io import write_coco
+
+    return write_coco(partition, image_name)
+
+
+DOCUMENTS: dict[str, Callable[[Partition, str], bytes]] = {".xml": _cvat, ".json": _coco}

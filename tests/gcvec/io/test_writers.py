@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import skimage.data
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+from scipy.ndimage import binary_fill_holes
+
+from gcvec.components import absorb_slivers, connected_components
+from gcvec.io import check_size, read_annotations, write_coco, write_cvat_xml
+from gcvec.io.outlines import outlines
+from gcvec.partition import Partition, partition
+from gcvec.polygon_fill import fill_ring
+from gcvec.segment import segment
+
+Labels = NDArray[np.int32]
+Write = Callable[[Partition, str], bytes]
+
+both_formats = pytest.mark.parametrize("write", [write_cvat_xml, write_coco])
+
+
+def regions(owners: Labels) -> Partition:
+    labels = connected_components(absorb_slivers(owners))
+    return Partition(labels, tuple(f"region {i % 3}" for i in range(labels.max() + 1)))
+
+
+def assert_comes_back(write: Write, written: Partition, name: str = "a.png") -> None:
+    height, width = written.labels.shape
+    annotations = read_annotations(write(written, name), image_name=name)
+    check_size(annotations, width, height)
+    read = partition(annotations, width, height)
+    np.testing.assert_array_equal(read.labels, written.labels)
+    assert read.names == written.names
+    assert read.warnings == ()
+
+
+def blocks(tiles: Labels) -> Labels:
+    return np.kron(tiles, np.ones((4, 4), dtype=np.int32))
+
+
+nested = blocks(
+    np.array(
+        [
+            [0, 0, 0, 0, 0, 0, 0, 5],
+            [0, 1, 1, 1, 1, 1, 0, 5],
+            [0, 1, 2, 2, 2, 1, 0, 5],
+            [0, 1, 2, 3, 2, 1, 0, 0],
+            [0, 1, 2, 2, 2, 1, 0, 0],
+            [0, 1, 1, 1, 1, 1, 0, 6],
+            [0, 0, 0, 0, 0, 0, 0, 0],
+        ],
+        dtype=np.int32,
+    )
+)
+
+# small blocks over a few owners: many regions, holes, and regions that touch themselves at a corner
+tiles = hnp.arrays(np.int32, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(0, 2))
+pixels = hnp.arrays(np.int32, st.tuples(st.integers(1, 30), st.integers(1, 30)), elements=st.integers(0, 1))
+
+
+@both_formats
+@given(owners=tiles.map(blocks) | pixels)
+def test_every_label_map_comes_back(write: Write, owners: Labels) -> None:
+    assert_comes_back(write, regions(owners))
+
+
+@both_formats
+def test_the_regions_of_a_photo_come_back(write: Write) -> None:
+    assert_comes_back(write, segment(skimage.data.coffee()), "coffee.png")
+
+
+@both_formats
+@pytest.mark.parametrize("name", ["a b.png", 'quo"te & <tag>.png', "é\N{SNOWMAN}.png", "sub/dir/a.png", ""])
+def test_names_come_back(write: Write, name: str) -> None:
+    labels = np.zeros((2, 3), dtype=np.int32)
+    assert_comes_back(write, Partition(labels, (f"label {name}",)), name)
+
+
+@pytest.mark.parametrize("text", ["\x00\x1b", "\ud800"])
+def test_what_xml_cannot_hold_is_replaced(text: str) -> None:
+    written = write_cvat_xml(Partition(np.zeros((2, 3), dtype=np.int32), (text,)), text)
+    (shape,) = read_annotations(written).shapes
+    assert shape.label == "\ufffd" * len(text)
+
+
+@given(tiles.map(blocks))
+def test_an_outline_holds_the_region_and_what_it_surrounds(owners: Labels) -> None:
+    labels = regions(owners).labels
+    for region, outline in enumerate(outlines(labels)):
+        filled = np.zeros_like(labels)
+        fill_ring(filled, outline.ring.astype(float), 1)
+        np.testing.assert_array_equal(filled, binary_fill_holes(labels == region, np.ones((3, 3))))
+
+
+def test_what_touches_the_outside_at_a_corner_is_not_surrounded() -> None:
+    ring = blocks(np.array([[1, 1, 1, 0], [1, 2, 1, 0], [1, 1, 0, 0]], dtype=np.int32))
+    assert [outline.depth for outline in outlines(connected_components(ring))] == [0, 0, 0]
+
+
+def test_depth_counts_the_regions_around() -> None:
+    found = regions(nested)
+    depth = [outline.depth for outline in outlines(found.labels)]
+    tile_depth = np.array(depth)[found.labels][::4, ::4]
+    assert tile_depth[3].tolist() == [0, 1, 2, 3, 2, 1, 0, 0]
+    assert tile_depth[5].tolist() == [0, 1, 1, 1, 1, 1, 0, 0]
+    assert tile_depth[:, 7].tolist() == [0] * 7
+
+
+def test_a_ring_has_only_the_corners() -> None:
+    (outline,) = outlines(np.zeros((20, 30), dtype=np.int32))
+    assert outline.ring.tolist() == [[0, 0], [30, 0], [30, 20], [0, 20]]
+
+
+def test_coco_states_the_area_without_holes_and_the_box() -> None:
+    document = json.loads(write_coco(regions(nested), "a.png"))
+    outer = document["annotations"][0]
+    assert outer["area"] == int((nested == 0).sum())
+    assert outer["bbox"] == [0, 0, 32, 28]
+    assert document["categories"] == [{"id": i, "name": f"region {i - 1}"} for i in (1, 2, 3)]
+
+
+def test_cvat_shapes_inside_others_lie_above_them() -> None:
+    shapes = read_annotations(write_cvat_xml(regions(nested), "a.png")).shapes
+    assert sorted({shape.z_order for shape in shapes}) == [0, 1, 2, 3]
