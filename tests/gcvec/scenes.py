@@ -18,15 +18,15 @@ def _disc(shape: tuple[int, int], centre: tuple[float, float], radius: float) ->
 
 
 def _ring() -> np.ndarray:
-    labels = np.zeros((60, 70), np.int32)
-    labels[_disc(labels.shape, (36, 30), 24)] = 1
-    labels[_disc(labels.shape, (40, 30), 12)] = 2
+    labels = np.zeros((200, 220), np.int32)
+    labels[_disc(labels.shape, (112, 98), 90)] = 1
+    labels[_disc(labels.shape, (120, 90), 20)] = 2
     return labels
 
 
 def _quadrants() -> np.ndarray:
-    y, x = np.mgrid[:40, :50]
-    return np.asarray((x >= 22) + 2 * (y >= 17), np.int32)
+    y, x = np.mgrid[:150, :170]
+    return np.asarray((x >= 82) + 2 * (y >= 70), np.int32)
 
 
 def _diagonal() -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -119,7 +121,7 @@ def test_pia_error_falls_with_every_sweep_towards_least_squares() -> None:
         return float(((bspline.evaluate(fitted, u) - samples) ** 2).sum())
 
     errors = [error(n) for n in (0, 1, 3, 10, 30, 100, 1000)]
-    assert all(after <= before for before, after in zip(errors, errors[1:], strict=False))
+    assert all(after <= before for before, after in pairwise(errors))
 
 
 def test_closed_pia_converges_to_the_periodic_least_squares_fit() -> None:

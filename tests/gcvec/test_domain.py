@@ -31,11 +31,10 @@ def polygons(network: Network) -> list[shapely.Polygon]:
     edges = [polygon_edges(curve) for curve in network.curves]
     result = []
     for loops in network.loops:
-        rings = []
-        for loop in loops:
-            rings.append(
-                np.concatenate([edges[c][:, 0] if forward else edges[c][::-1, 1] for c, forward in loop])
-            )
+        rings = [
+            np.concatenate([edges[c][:, 0] if forward else edges[c][::-1, 1] for c, forward in loop])
+            for loop in loops
+        ]
         area = [shapely.Polygon(r).area * (1 if shapely.LinearRing(r).is_ccw else -1) for r in rings]
         outer = int(np.argmax(area))
         result.append(shapely.Polygon(rings[outer], [r for k, r in enumerate(rings) if k != outer]))

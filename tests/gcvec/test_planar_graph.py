@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 from hypothesis import given, settings
@@ -118,7 +119,7 @@ def test_every_crack_lies_in_one_arc_with_the_right_sides(owners: np.ndarray) ->
     seen: Counter[Crack] = Counter()
     for arc in graph.arcs:
         points = [tuple(p) for p in arc.points.tolist()]
-        for a, b in zip(points, points[1:], strict=False):
+        for a, b in pairwise(points):
             crack, forward = ((a, b), True) if (a, b) in truth else ((b, a), False)
             seen[crack] += 1
             left, right = truth[crack]
@@ -144,7 +145,7 @@ def test_loops_bound_their_regions(owners: np.ndarray) -> None:
             for a, forward in loop:
                 assert region == (graph.arcs[a].right if forward else graph.arcs[a].left)
     expected = {(a, f) for a, arc in enumerate(graph.arcs) for f in (True, False)}
-    outer = {(a, f) for a, f in expected if OUTSIDE == (graph.arcs[a].right if f else graph.arcs[a].left)}
+    outer = {(a, f) for a, f in expected if (graph.arcs[a].right if f else graph.arcs[a].left) == OUTSIDE}
     assert used == Counter(expected - outer)
 
 
