@@ -6,9 +6,10 @@ from functools import cache
 
 import numpy as np
 
+from gcvec.borders import borders
+from gcvec.boundary_fit import fitted_network
 from gcvec.canonical import Foundation, lay_unfolded_foundation
 from gcvec.components import connected_components
-from gcvec.pipeline import fitted_network
 from gcvec.planar_graph import planar_graph
 
 
@@ -81,7 +82,8 @@ def foundation_of(scene: str) -> Foundation:
     """Curves, domains and S of a scene; every inner border hard."""
     labels = labels_of(scene)
     height, width = labels.shape
-    network = fitted_network(planar_graph(labels), width, height)
+    traced = borders(planar_graph(labels), width, height)
+    network = fitted_network(traced, traced)
     hard = np.array([not curve.on_frame for curve in network.curves])
     return lay_unfolded_foundation(network, hard)
 

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gcvec import bspline
+from gcvec.borders import borders
 from gcvec.boundary import Curve, Network, boundary_network
+from gcvec.boundary_fit import fitted_network
 from gcvec.components import connected_components
 from gcvec.domain import (
     SAGITTA,
@@ -21,9 +23,9 @@ from gcvec.domain import (
     raise_levels,
     sample_parameters,
 )
-from gcvec.pipeline import fitted_network
+from gcvec.localize import localized
 from gcvec.planar_graph import planar_graph
-from tests.gcvec.scenes import SCENES, foundation_of, labels_of
+from tests.gcvec.scenes import SCENES, foundation_of, labels_of, picture_of
 
 
 def polygons(network: Network) -> list[shapely.Polygon]:
@@ -73,7 +75,12 @@ def test_any_label_map_ends_without_crossings(owners: np.ndarray) -> None:
     """Regions of a pixel, diagonal contacts, combs: worse than what slivers leave of real maps."""
     labels = connected_components(owners)
     height, width = labels.shape
-    assert_tiling(fitted_network(planar_graph(labels), width, height))
+    traced = borders(planar_graph(labels), width, height)
+    assert_tiling(fitted_network(traced, traced))
+    noise = np.random.default_rng(owners.sum()).uniform(0, 1, (height, width, 3))
+    assert_tiling(fitted_network(traced, localized(traced, noise)))
+    clean = (picture_of(labels) / 255).astype(np.float64)
+    assert_tiling(fitted_network(traced, localized(traced, clean)))
 
 
 def line(*points: tuple[float, float], left: int = 0, right: int = 1) -> Curve:
@@ -143,7 +150,7 @@ def test_closed_curves_have_at_least_three_edges() -> None:
 
 def test_network_of_a_disc_shares_one_curve() -> None:
     labels = labels_of("ring")
-    network = boundary_network(planar_graph(labels), labels.shape[1], labels.shape[0])
+    network = boundary_network(borders(planar_graph(labels), labels.shape[1], labels.shape[0]))
     inner = [c for c in network.curves if not c.on_frame]
     assert len(inner) == 2
     assert all(c.closed for c in inner)
