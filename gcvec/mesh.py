@@ -73,10 +73,10 @@ def free_points(sites: Floats, width: int, height: int) -> Floats:
     x = np.clip((sites[:, 0] // size).astype(np.int64), 0, columns - 1)
     y = np.clip((sites[:, 1] // size).astype(np.int64), 0, rows - 1)
     taken[y, x] = True
-    clear = []
-    for _ in range(COARSEST_LEVEL + 1):
+    clear = [~_dilated(taken)]
+    for _ in range(COARSEST_LEVEL):
+        taken = taken.reshape(len(taken) // 2, 2, -1, 2).any(axis=(1, 3))
         clear.append(~_dilated(taken))
-        taken = taken.reshape(taken.shape[0] // 2, 2, -1, 2).any(axis=(1, 3)) if len(taken) > 1 else taken
     found = []
     parent_clear = np.zeros((0, 0), bool)
     for level in range(COARSEST_LEVEL, -1, -1):

@@ -90,7 +90,7 @@ def _cover_triangle(corners, width, height, pixel, weights, count, scratch):
             r0 = 0.5 * (abs(gx1 + gx2) + abs(gy1 + gy2))
             area = 1.0
             if b0 < r0 or b1 < r1 or b2 < r2:
-                if last - first == 1:
+                if low >= x and high <= x + 1:
                     area, cx, cy = _area_centroid(strip, n)
                 else:
                     k = _clip_axis(strip, n, half, 0, float(x), False)

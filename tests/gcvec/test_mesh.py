@@ -1,0 +1,115 @@
+"""Free points against the rule read out loud; triangulations of whole pictures against areas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gcvec.mesh import COARSEST_LEVEL, FINEST_CELL, build_mesh, constrained_delaunay, free_points, jitter
+from tests.gcvec.scenes import SCENES, foundation_of, no_points, some_points
+
+
+def free_points_slowly(sites: np.ndarray, width: int, height: int) -> set[tuple[int, int]]:
+    """The rule, cell by cell: clear cells whose ancestors are not clear, largest first."""
+    found: set[tuple[int, int]] = set()
+    covered: set[tuple[int, int]] = set()
+    for level in range(COARSEST_LEVEL, -1, -1):
+        size = FINEST_CELL << level
+        taken = {(int(x // size), int(y // size)) for x, y in sites}
+        here = set()
+        # Cells beyond the picture may be clear too, but their middles lie outside.
+        for row in range(-(-height // size)):
+            for column in range(-(-width // size)):
+                around = {(column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)}
+                if (column, row) in covered or around & taken:
+                    continue
+                here.add((column, row))
+                x, y = column * size + size // 2, row * size + size // 2
+                if x < width and y < height:
+                    found.add((x, y))
+        covered = {(2 * x + i, 2 * y + j) for x, y in covered | here for i in (0, 1) for j in (0, 1)}
+    return found
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    width=st.integers(1, 1200),
+    height=st.integers(1, 1200),
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(0, 30),
+)
+def test_free_points_follow_the_integer_rule(width: int, height: int, seed: int, n: int) -> None:
+    sites = np.random.default_rng(seed).uniform(0, [width, height], (n, 2))
+    points = np.floor(free_points(sites, width, height)).astype(int)
+    assert len(np.unique(points, axis=0)) == len(points)
+    assert {(int(x), int(y)) for x, y in points} == free_points_slowly(sites, width, height)
+
+
+def test_free_points_of_a_picture_of_odd_cells() -> None:
+    assert len(free_points(np.array([[0.0, 0.0]]), 600, 400)) > 0
+
+
+def test_jitter_stays_within_a_twentieth_of_a_pixel_and_differs_everywhere() -> None:
+    y, x = np.mgrid[:200, :200]
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1)
+    shift = jitter(pixels) - (pixels + 0.5)
+    assert np.abs(shift).max() <= 0.05
+    assert len(np.unique(shift, axis=0)) > 0.999 * len(shift)
+    assert np.abs(shift.mean(axis=0)).max() < 1e-3
+    np.testing.assert_array_equal(jitter(pixels[5:6]), jitter(pixels)[5:6])
+
+
+def test_delaunay_keeps_constraints_and_drops_what_lies_outside() -> None:
+    vertices = np.array([[0, 0], [8, 0], [8, 8], [4, 1], [0, 8.0], [1, 2]])
+    ring = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 0]])
+    triangles, neighbours = constrained_delaunay(vertices, ring)
+    assert areas(vertices, triangles).min() > 0
+    assert areas(vertices, triangles).sum() == pytest.approx(shoelace(vertices[[0, 1, 2, 3, 4]]))
+    edges = {frozenset(e) for t in triangles.tolist() for e in zip(t, t[1:] + t[:1], strict=True)}
+    assert {frozenset(e) for e in ring.tolist()} <= edges
+    for t, around in enumerate(neighbours):
+        for k, other in enumerate(around):
+            edge = {int(triangles[t, k]), int(triangles[t, (k + 1) % 3])}
+            if other >= 0:
+                assert edge <= set(triangles[other].tolist())
+            else:
+                assert any(edge == set(e) for e in ring.tolist())
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_triangles_are_positive_and_fill_each_domain(scene: str) -> None:
+    foundation = foundation_of(scene)
+    network, samples = foundation.network, foundation.samples
+    points = some_points(foundation, 9)
+    for chosen in (no_points(), points):
+        mesh = build_mesh(network, samples, chosen)
+        area = areas(mesh.vertices, mesh.triangles)
+        assert area.min() > 0
+        assert (mesh.n_samples, mesh.n_points) == (len(samples), len(chosen))
+        by_patch = np.bincount(mesh.patch, area, minlength=len(network.loops))
+        for k, loops in enumerate(network.loops):
+            expected = sum(shoelace(samples.domain[loop_vertices(samples, loop)]) for loop in loops)
+            assert by_patch[k] == pytest.approx(expected)
+        assert area.sum() == pytest.approx(network.width * network.height)
+
+
+def areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    return (ux * vy - uy * vx) / 2
+
+
+def shoelace(ring: np.ndarray) -> float:
+    x, y = ring.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+
+
+def loop_vertices(samples, loop) -> list[int]:
+    """Samples that are the polygon vertices of a loop, in walking order."""
+    vertices: list[int] = []
+    for curve, forward in loop:
+        ends = samples.edge_ends[samples.edge_curve == curve]
+        vertices += ends[:, 0].tolist() if forward else ends[::-1, 1].tolist()
+    return vertices
