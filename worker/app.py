@@ -55,15 +55,20 @@ warnings.filterwarnings("ignore", category=SecurityWarning)
 app = create_celery(get_settings())
 
 
-@signals.worker_process_init.connect
-def _prepare_process(**_: Any) -> None:
-    """Ready a pool process: bound to its worker's life, bounded in memory, with the engine loaded."""
-    die_with(os.getppid())
-    memory = get_settings().job_memory_bytes
-    resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
+@signals.worker_init.connect
+def _load_engine(**_: Any) -> None:
+    """Load the engine before the pool is forked: its processes share it, and one that died is back at once."""
     from worker.warmup import warm_up
 
     warm_up()
+
+
+@signals.worker_process_init.connect
+def _prepare_process(**_: Any) -> None:
+    """Ready a pool process: bound to its worker's life, bounded in memory."""
+    die_with(os.getppid())
+    memory = get_settings().job_memory_bytes
+    resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
 
 
 @signals.worker_ready.connect

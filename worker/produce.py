@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gcvec import Options, VectorImage, vectorize
 from gcvec.export import error_map, patch_overlay
 from gcvec.export.png import png
-from gcvec.io import read_annotations, read_picture
+from gcvec.io import check_size, read_annotations, read_picture
 from gcvec.metrics import compare
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
@@ -38,7 +38,11 @@ def produce(
     bounds = limits(settings)
     picture = read_picture(image, limits=bounds)
     names = {name: request[name] for name in ("image_name", "picture_name")}
-    regions = None if annotations is None else read_annotations(annotations, **names, limits=bounds)
+    regions = None
+    if annotations is not None:
+        regions = read_annotations(annotations, **names, limits=bounds)
+        height, width = picture.pixels.shape[:2]
+        check_size(regions, width, height)
     options = Options(**request["options"])
     threads = min(options.workers or settings.job_threads, settings.job_threads)
     result = vectorize(picture.pixels, regions, replace(options, workers=threads), on_progress)
