@@ -15,9 +15,13 @@ from service import errors
 from service.artifacts import endpoints as artifacts
 from service.deps import Services
 from service.health import endpoints as health
+from service.health import metrics
+from service.idempotency import Idempotency
 from service.jobs import endpoints as jobs
 from service.jobs.repository import Changes, JobRepository, connect
 from service.jobs.uploads import LimitBody
+from service.questions import Questions
+from service.revisions import endpoints as revisions
 from worker import storage
 from worker.app import create_celery
 from worker.settings import Settings, get_settings
@@ -40,7 +44,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     errors.install(app)
     app.include_router(jobs.router)
     app.include_router(artifacts.router)
+    app.include_router(revisions.router)
     app.include_router(health.router)
+    app.include_router(metrics.router)
     if _STATIC.is_dir():
         app.mount("/", StaticFiles(directory=_STATIC, html=True), name="client")
     return app
@@ -56,6 +62,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         settings=settings,
         jobs=JobRepository(client),
         changes=changes,
+        questions=Questions(client, changes, queue),
+        idempotency=Idempotency(client),
         store=storage.open_store(settings.storage),
         queue=queue,
     )

@@ -10,7 +10,9 @@ from fastapi import Depends, Path, Request
 from obstore.store import ObjectStore
 
 from service.errors import ProblemError
+from service.idempotency import Idempotency
 from service.jobs.repository import Changes, JobRepository
+from service.questions import Questions
 from worker.records import Job
 from worker.settings import Settings
 
@@ -22,6 +24,8 @@ class Services:
     settings: Settings
     jobs: JobRepository
     changes: Changes
+    questions: Questions
+    idempotency: Idempotency
     store: ObjectStore
     queue: Celery
 

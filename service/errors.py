@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from pydantic import BaseModel
 from redis.exceptions import RedisError
 from starlette.exceptions import HTTPException
 
@@ -16,7 +19,30 @@ from worker.problems import Problem, input_problem, problem
 
 logger = logging.getLogger(__name__)
 
+_COME_BACK = {"Retry-After": "5"}
 _CODES = {401: "unauthorized", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
+
+
+class ProblemView(BaseModel):
+    """A problem document (RFC 9457); `pointer` names the offending part of the input."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    pointer: str | None = None
+
+
+def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The error answers of an endpoint, for the interface description."""
+    schema = {"$ref": "#/components/schemas/ProblemView"}
+    return {
+        status: {
+            "description": HTTPStatus(status).phrase,
+            "content": {"application/problem+json": {"schema": schema}},
+        }
+        for status in statuses
+    }
 
 
 class ProblemError(Exception):
@@ -29,10 +55,18 @@ class ProblemError(Exception):
         self.problem = problem(code, detail, pointer)
         self.headers = dict(headers or {})
 
+    @classmethod
+    def of(cls, found: Problem) -> ProblemError:
+        """An error with a problem that was found elsewhere."""
+        error = cls(found.code, found.detail, pointer=found.pointer)
+        if found.status == HTTPStatus.SERVICE_UNAVAILABLE:
+            error.headers = dict(_COME_BACK)
+        return error
+
 
 def unavailable(detail: str) -> ProblemError:
     """A part of the service is away; the client had better come back in a few seconds."""
-    return ProblemError("unavailable", detail, headers={"Retry-After": "5"})
+    return ProblemError("unavailable", detail, headers=_COME_BACK)
 
 
 def answer(found: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:

@@ -25,10 +25,13 @@ class RunningService:
     data: Path
     log: Path
 
-    def stop(self) -> int:
+    def stop(self, how: signal.Signals = signal.SIGTERM) -> int:
         """Ask it to end; its exit code."""
-        self.process.send_signal(signal.SIGTERM)
-        self.process.communicate(timeout=30)
+        self.process.send_signal(how)
+        try:
+            self.process.communicate(timeout=30)
+        finally:
+            self.process.kill()
         return self.process.returncode
 
 

@@ -9,23 +9,34 @@ from typing import Any, Final
 
 from celery import Celery, signals
 from celery.exceptions import SecurityWarning
+from kombu import Exchange, Queue
 
 from worker.process import die_with
 from worker.settings import Settings, get_settings
 
 JOBS_QUEUE: Final = "gcvec-jobs"
-DERIVE_QUEUE: Final = "gcvec-derive"
+"""Jobs: they run for seconds to minutes."""
+SHORT_QUEUE: Final = "gcvec-short"
+"""Exports, edits and removals: somebody waits for them, so they do not wait behind jobs."""
+QUEUES: Final = (JOBS_QUEUE, SHORT_QUEUE)
+
 VECTORIZE: Final = "gcvec.vectorize"
+EXPORT: Final = "gcvec.export"
+EDIT: Final = "gcvec.edit"
+REMOVE: Final = "gcvec.remove"
+ROUTES: Final = {VECTORIZE: JOBS_QUEUE, EXPORT: SHORT_QUEUE, EDIT: SHORT_QUEUE, REMOVE: SHORT_QUEUE}
 
 _HARD_LIMIT_MARGIN: Final = 60.0
 
 
 def create_celery(settings: Settings) -> Celery:
     """The application on this broker. Records and leases carry all state: no results are kept in Celery."""
-    app = Celery("gcvec", broker=settings.broker_url, include=["worker.tasks"])
+    app = Celery("gcvec", broker=settings.broker_url, include=["worker.tasks", "worker.short_tasks"])
     hard_limit = settings.job_seconds + _HARD_LIMIT_MARGIN
     app.conf.update(
+        task_queues=[Queue(name, Exchange(name), routing_key=name) for name in QUEUES],
         task_default_queue=JOBS_QUEUE,
+        task_routes={task: {"queue": queue} for task, queue in ROUTES.items()},
         task_ignore_result=True,
         task_acks_late=True,
         task_reject_on_worker_lost=True,
@@ -55,19 +66,29 @@ warnings.filterwarnings("ignore", category=SecurityWarning)
 app = create_celery(get_settings())
 
 
+@signals.worker_init.connect
+def _load_engine(sender: Any, **_: Any) -> None:
+    """Load the engine before the pool is forked: its processes share it, and one that died is soon back.
+
+    Only the workers that run jobs do so: on a new machine kernels are compiled here, best by one at a time.
+    """
+    if JOBS_QUEUE in sender.app.amqp.queues.consume_from:
+        from worker.warmup import warm_up
+
+        warm_up()
+
+
 @signals.worker_process_init.connect
 def _prepare_process(**_: Any) -> None:
-    """Ready a pool process: bound to its worker's life, bounded in memory, with the engine loaded."""
+    """Ready a pool process: bound to its worker's life, bounded in memory."""
     die_with(os.getppid())
     memory = get_settings().job_memory_bytes
     resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
-    from worker.warmup import warm_up
-
-    warm_up()
 
 
 @signals.worker_ready.connect
 def _sweep(**_: Any) -> None:
+    """Sweep from now on. The store must not be opened here: its threads do not survive the pool's forks."""
     from worker import sweeper
 
     sweeper.start()

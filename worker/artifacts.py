@@ -23,3 +23,14 @@ KINDS: Final[dict[str, Kind]] = {
     "patches": Kind("patches.png", "image/png", "patches.png"),
     "report": Kind("report.json", "application/json", "report"),
 }
+"""Written by the job itself."""
+
+REVISED: Final = ("result", "gcv", "preview", "patches")
+"""Those that a revision has too; what compares with the photo it has not."""
+
+EXPORTS: Final[dict[str, Kind]] = {
+    "svg": Kind("result.svg", "image/svg+xml", "result.svg"),
+    "pdf": Kind("result.pdf", "application/pdf", "result.pdf"),
+    "glb": Kind("result.glb", "model/gltf-binary", "result.glb"),
+}
+"""Made when they are first asked for: `gcvec.export.NAME` holds a function NAME from image to bytes."""

@@ -44,6 +44,11 @@ class Problem:
     detail: str
     pointer: str | None = None
 
+    @property
+    def code(self) -> str:
+        """The last part of `type`."""
+        return self.type.rpartition(":")[2]
+
     def as_dict(self) -> dict[str, object]:
         return {name: value for name, value in asdict(self).items() if value is not None}
 

@@ -7,24 +7,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gcvec import Options, VectorImage, vectorize
+from gcvec import Options, vectorize
 from gcvec.export import error_map, patch_overlay
 from gcvec.export.png import png
-from gcvec.io import read_annotations, read_picture
-from gcvec.metrics import compare
+from gcvec.io import check_size, read_annotations, read_picture
+from gcvec.metrics import Report, compare
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
 
 
 @dataclass(frozen=True)
 class Product:
-    """What a run delivers: the artefacts written by the job, by name, and the warnings of every stage."""
+    """What a run delivers: artefacts by name, the warnings of every stage, what it adds to the totals."""
 
     artifacts: dict[str, bytes]
     warnings: tuple[str, ...]
+    totals: dict[str, float]
 
 
 def produce(
@@ -38,22 +36,27 @@ def produce(
     bounds = limits(settings)
     picture = read_picture(image, limits=bounds)
     names = {name: request[name] for name in ("image_name", "picture_name")}
-    regions = None if annotations is None else read_annotations(annotations, **names, limits=bounds)
+    regions = None
+    if annotations is not None:
+        regions = read_annotations(annotations, **names, limits=bounds)
+        height, width = picture.pixels.shape[:2]
+        check_size(regions, width, height)
     options = Options(**request["options"])
     threads = min(options.workers or settings.job_threads, settings.job_threads)
     result = vectorize(picture.pixels, regions, replace(options, workers=threads), on_progress)
-    warnings = (*picture.warnings, *result.warnings)
-    return Product(_artifacts(picture.pixels, result), warnings)
-
-
-def _artifacts(pixels: NDArray[np.uint8], result: VectorImage) -> dict[str, bytes]:
     encoded = result.to_bytes()
-    report = result.report or compare(pixels, result, len(encoded))
-    return {
+    report = result.report or compare(picture.pixels, result, len(encoded))
+    artifacts = {
         "gcv": encoded,
         "result": json.dumps(result.description()).encode(),
         "report": json.dumps(report.as_dict()).encode(),
         "preview": png(result.render()),
-        "error": png(error_map(pixels, result)),
+        "error": png(error_map(picture.pixels, result)),
         "patches": png(patch_overlay(result)),
     }
+    return Product(artifacts, (*picture.warnings, *result.warnings), _totals(report))
+
+
+def _totals(report: Report) -> dict[str, float]:
+    seconds = {f"seconds:{stage}": value for stage, value in report.seconds.items()}
+    return {"points": report.points, **seconds}

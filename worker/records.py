@@ -7,7 +7,8 @@ the workers (here) and the API's event loop (`service.jobs.repository`).
     gcvec:job:ID      the record             gcvec:jobs:OWNER  an owner's job ids by time of creation
     gcvec:events:ID   stream of its events   gcvec:active      ids of unfinished jobs by time of queueing
     gcvec:lease:ID    attempt now running    gcvec:expiry      ids of finished jobs by time of expiry
-    gcvec:changes     channel: "state ID" or "progress ID" of a job that has changed
+    gcvec:changes     channel: "state ID" or "progress ID" of a job that has changed, "answer KEY"
+    gcvec:totals      counted since the beginning: jobs by end, failures by cause, seconds by stage, points
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Final, Literal, cast
 
 import redis
@@ -29,6 +31,7 @@ TERMINAL: Final = frozenset({"succeeded", "failed", "canceled"})
 
 ACTIVE: Final = "gcvec:active"
 EXPIRY: Final = "gcvec:expiry"
+TOTALS: Final = "gcvec:totals"
 CHANGES: Final = "gcvec:changes"
 
 LEASE_SECONDS: Final = 8.0
@@ -69,6 +72,7 @@ class Job:
     error: Mapping[str, Any] | None = None
     warnings: tuple[str, ...] = ()
     bytes: int = 0
+    revisions: int = 0
     last_event: int = 0
 
     @property
@@ -116,6 +120,7 @@ if redis.call('EXISTS', KEYS[2]) == 1 then return 0 end
 local attempt = redis.call('HINCRBY', KEYS[1], 'attempt', 1)
 redis.call('HSETNX', KEYS[1], 'started_at', ARGV[2])
 redis.call('HSET', KEYS[1], 'status', 'running')
+redis.call('HINCRBY', 'gcvec:totals', 'attempts', 1)
 redis.call('SET', KEYS[2], attempt, 'PX', ARGV[3])
 redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])
 return attempt
@@ -141,7 +146,12 @@ if status ~= 'queued' and status ~= 'running' then return 0 end
 if ARGV[2] ~= '' and redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[2] then return 0 end
 local number = redis.call('HINCRBY', KEYS[1], 'last_event', 1)
 redis.call('HSET', KEYS[1], 'status', ARGV[3], 'finished_at', ARGV[4], 'expires_at', ARGV[5])
-for i = 6, #ARGV, 2 do redis.call('HSET', KEYS[1], ARGV[i], ARGV[i + 1]) end
+for i = 6, #ARGV, 2 do
+    local total = string.match(ARGV[i], '^total:(.*)')
+    if total then redis.call('HINCRBYFLOAT', 'gcvec:totals', total, ARGV[i + 1])
+    else redis.call('HSET', KEYS[1], ARGV[i], ARGV[i + 1]) end
+end
+redis.call('HINCRBYFLOAT', 'gcvec:totals', 'finished:' .. ARGV[3], 1)
 redis.call('XADD', KEYS[3], number .. '-0', 'type', 'state', 'data', ARGV[3])
 redis.call('DEL', KEYS[2])
 redis.call('ZREM', 'gcvec:active', ARGV[1])
@@ -161,6 +171,17 @@ redis.call('HSET', KEYS[1], 'status', 'queued')
 redis.call('ZADD', 'gcvec:active', ARGV[2], ARGV[1])
 redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])
 return 1
+"""
+
+_GROW = """
+if redis.call('HGET', KEYS[1], 'status') ~= 'succeeded' then return 0 end
+redis.call('HINCRBY', KEYS[1], 'bytes', ARGV[1])
+return 1
+"""
+
+_REVISE = """
+if redis.call('HGET', KEYS[1], 'status') ~= 'succeeded' then return 0 end
+return redis.call('HINCRBY', KEYS[1], 'revisions', 1)
 """
 
 _RETIRE = """
@@ -202,14 +223,20 @@ def finish(
     error: Problem | None = None,
     warnings: Sequence[str] = (),
     bytes_stored: int | None = None,
+    totals: Mapping[str, float] = MappingProxyType({}),
 ) -> Call:
-    """Give the job its terminal state; returns 0 if it has one, or if `attempt` is no longer the job's."""
+    """Give the job its terminal state; returns 0 if it has one, or if `attempt` is no longer the job's.
+
+    `totals` are added to the counts since the beginning, once a job.
+    """
     now = time.time()
     extra: list[str] = ["warnings", json.dumps(list(warnings))]
     if error is not None:
-        extra += ["error", json.dumps(error.as_dict())]
+        extra += ["error", json.dumps(error.as_dict()), f"total:failed:{error.code}", "1"]
     if bytes_stored is not None:
         extra += ["bytes", str(bytes_stored)]
+    for name, value in totals.items():
+        extra += [f"total:{name}", str(value)]
     fence = "" if attempt is None else attempt
     return Call(_FINISH, _keys(job_id), (job_id, fence, status, now, now + retention, *extra))
 
@@ -217,6 +244,16 @@ def finish(
 def requeue(job_id: str) -> Call:
     """Have a job that nobody works on wait again; returns 0 if it has finished or runs."""
     return Call(_REQUEUE, _keys(job_id), (job_id, time.time()))
+
+
+def grow(job_id: str, size: int) -> Call:
+    """Count `size` more bytes that are stored for a job; returns 0 if it has no result or is gone."""
+    return Call(_GROW, (record_key(job_id),), (size,))
+
+
+def revise(job_id: str) -> Call:
+    """The number of a new revision; 0 if the job has no result or is gone."""
+    return Call(_REVISE, (record_key(job_id),), ())
 
 
 def retire(job_id: str) -> Call:

@@ -3,6 +3,8 @@
 jobs/ID/input/image, annotations     what was uploaded
 jobs/ID/attempt-N/...                what attempt N wrote; invisible until the manifest names it
 jobs/ID/manifest.json                the commit: created once, by the first attempt that is complete
+jobs/ID/revisions/R/...              what an edit made, again with a manifest; R is 1, 2, …; 0 is the original
+jobs/ID/revisions/R/derived/...      made of revision R on demand: NAME, and NAME.json once it is whole
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import obstore
 from obstore.exceptions import AlreadyExistsError
@@ -28,11 +30,12 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class Manifest:
-    """A complete result: its files by artefact name, and what the run warned of."""
+    """A complete result: files by artefact name, what the run warned of, what it adds to the totals."""
 
     attempt: int
     files: dict[str, StoredFile]
     warnings: tuple[str, ...] = ()
+    totals: dict[str, float] = field(default_factory=dict)
 
     def to_json(self) -> bytes:
         return json.dumps(asdict(self)).encode()
@@ -41,7 +44,7 @@ class Manifest:
     def from_json(cls, data: bytes) -> Manifest:
         fields = json.loads(data)
         files = {name: StoredFile(**file) for name, file in fields["files"].items()}
-        return cls(fields["attempt"], files, tuple(fields["warnings"]))
+        return cls(fields["attempt"], files, tuple(fields["warnings"]), fields["totals"])
 
 
 def open_store(url: str) -> ObjectStore:
@@ -67,8 +70,16 @@ def attempt_folder(job_id: str, attempt: int) -> str:
     return f"{job_folder(job_id)}/attempt-{attempt}"
 
 
-def manifest_path(job_id: str) -> str:
-    return f"{job_folder(job_id)}/manifest.json"
+def revision_folder(job_id: str, revision: int) -> str:
+    return f"{job_folder(job_id)}/revisions/{revision}"
+
+
+def manifest_path(job_id: str, revision: int = 0) -> str:
+    return f"{revision_folder(job_id, revision) if revision else job_folder(job_id)}/manifest.json"
+
+
+def derived_path(job_id: str, revision: int, name: str) -> str:
+    return f"{revision_folder(job_id, revision)}/derived/{name}"
 
 
 def read(store: ObjectStore, path: str) -> bytes:
@@ -82,21 +93,36 @@ def write(store: ObjectStore, path: str, data: bytes) -> StoredFile:
     return StoredFile(path, len(data), hashlib.sha256(data).hexdigest())
 
 
-def read_manifest(store: ObjectStore, job_id: str) -> Manifest | None:
-    """The job's manifest, or None while no attempt has completed."""
+def read_manifest(store: ObjectStore, job_id: str, revision: int = 0) -> Manifest | None:
+    """The manifest of a job or of a revision of it, or None while there is none."""
     try:
-        return Manifest.from_json(read(store, manifest_path(job_id)))
+        return Manifest.from_json(read(store, manifest_path(job_id, revision)))
     except FileNotFoundError:
         return None
 
 
-def commit(store: ObjectStore, job_id: str, manifest: Manifest) -> bool:
+def commit(store: ObjectStore, job_id: str, manifest: Manifest, revision: int = 0) -> bool:
     """Make a result visible, all at once; False if another attempt has done so before."""
     try:
-        obstore.put(store, manifest_path(job_id), manifest.to_json(), mode="create")
+        obstore.put(store, manifest_path(job_id, revision), manifest.to_json(), mode="create")
     except AlreadyExistsError:
         return False
     return True
+
+
+def write_derived(store: ObjectStore, job_id: str, revision: int, name: str, data: bytes) -> StoredFile:
+    """Store a derived file and make it visible."""
+    file = write(store, derived_path(job_id, revision, name), data)
+    obstore.put(store, f"{file.path}.json", json.dumps(asdict(file)).encode())
+    return file
+
+
+def read_derived(store: ObjectStore, job_id: str, revision: int, name: str) -> StoredFile | None:
+    """A derived file, or None while it has not been made."""
+    try:
+        return StoredFile(**json.loads(read(store, f"{derived_path(job_id, revision, name)}.json")))
+    except FileNotFoundError:
+        return None
 
 
 def delete_folder(store: ObjectStore, folder: str) -> None:

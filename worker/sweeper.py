@@ -8,10 +8,8 @@ import time
 from typing import Any, Final
 
 import redis
-from obstore.store import ObjectStore
 
-from worker import storage
-from worker.app import JOBS_QUEUE, VECTORIZE, app
+from worker.app import JOBS_QUEUE, REMOVE, VECTORIZE, app
 from worker.records import (
     ACTIVE,
     EXPIRY,
@@ -21,7 +19,6 @@ from worker.records import (
     lease_key,
     record_key,
     requeue,
-    retire,
 )
 from worker.settings import get_settings
 
@@ -30,15 +27,16 @@ logger = logging.getLogger(__name__)
 _PERIOD: Final = 2.0
 _LOST_AFTER: Final = 10.0
 _BATCH: Final = 200
+_REMOVED_WITHIN: Final = 60.0
+"""A job that has not been removed by then is sent to be removed again."""
 
 
 class Sweeper:
-    """Sends jobs again whose attempt died or whose message was lost; removes those that have expired."""
+    """Sends jobs again whose attempt died or whose message was lost; has those removed that have expired."""
 
-    def __init__(self, client: redis.Redis, store: ObjectStore) -> None:
+    def __init__(self, client: redis.Redis) -> None:
         self._client: Any = client
         self._records = JobRecords(client)
-        self._store = store
 
     def run_forever(self) -> None:
         while True:
@@ -57,9 +55,10 @@ class Sweeper:
             if self._records.run(requeue(job_id)):
                 logger.warning("job %s: sent again", job_id)
                 app.send_task(VECTORIZE, [job_id])
-        for job_id in self._client.zrange(EXPIRY, 0, time.time(), byscore=True, offset=0, num=_BATCH):
-            storage.delete_folder(self._store, storage.job_folder(job_id))
-            self._records.run(retire(job_id))
+        now = time.time()
+        for job_id in self._client.zrange(EXPIRY, 0, now, byscore=True, offset=0, num=_BATCH):
+            if self._client.zadd(EXPIRY, {job_id: now + _REMOVED_WITHIN}, xx=True, ch=True):
+                app.send_task(REMOVE, [job_id])
 
     def _lost(self) -> list[str]:
         """Unfinished jobs that nobody works on and that no message stands for."""
@@ -80,6 +79,5 @@ class Sweeper:
 
 def start() -> None:
     """Sweep from now on, in a thread of this process."""
-    settings = get_settings()
-    sweeper = Sweeper(connect(settings.broker_url, patient=False), storage.open_store(settings.storage))
+    sweeper = Sweeper(connect(get_settings().broker_url, patient=False))
     threading.Thread(target=sweeper.run_forever, name="sweeper", daemon=True).start()

@@ -5,12 +5,9 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
 from typing import Final, TypeVar
 
 from obstore.exceptions import BaseError
-from obstore.store import ObjectStore
 
 from gcvec.errors import InputError
 from worker import storage
@@ -18,9 +15,9 @@ from worker.app import VECTORIZE, app
 from worker.artifacts import KINDS
 from worker.attempt import Attempt, StopError
 from worker.problems import Problem, input_problem, problem
-from worker.records import Job, JobRecords, claim, connect, finish
-from worker.settings import Settings, get_settings
+from worker.records import Job, claim, finish
 from worker.storage import Manifest, StoredFile
+from worker.workshop import Workshop, workshop
 
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -34,28 +31,6 @@ class JobError(Exception):
     def __init__(self, reason: Problem) -> None:
         super().__init__(reason.detail)
         self.reason = reason
-
-
-@dataclass(frozen=True)
-class Workshop:
-    """What a worker process needs. When Redis is away `records` waits, `progress` gives up at once."""
-
-    settings: Settings
-    store: ObjectStore
-    records: JobRecords
-    progress: JobRecords
-
-
-@lru_cache
-def workshop() -> Workshop:
-    """The workshop of this process, opened when the first job arrives."""
-    settings = get_settings()
-    return Workshop(
-        settings=settings,
-        store=storage.open_store(settings.storage),
-        records=JobRecords(connect(settings.broker_url, patient=True)),
-        progress=JobRecords(connect(settings.broker_url, patient=False)),
-    )
 
 
 @app.task(name=VECTORIZE)
@@ -100,7 +75,7 @@ def _run(shop: Workshop, job: Job) -> Manifest:
         product = produce(image, annotations, job.request, settings, attempt.on_progress)
         files = {name: _store(shop, job, name, data) for name, data in product.artifacts.items()}
         attempt.check()
-        manifest = Manifest(job.attempt, files, product.warnings)
+        manifest = Manifest(job.attempt, files, product.warnings, product.totals)
         if _insist(lambda: storage.commit(shop.store, job.id, manifest)):
             return manifest
     committed = storage.read_manifest(shop.store, job.id)
@@ -142,7 +117,12 @@ def _succeed(shop: Workshop, job: Job, manifest: Manifest) -> None:
     retention = shop.settings.retention.total_seconds()
     stored = sum(file.size for file in manifest.files.values())
     ended = finish(
-        job.id, "succeeded", retention=retention, warnings=manifest.warnings, bytes_stored=job.bytes + stored
+        job.id,
+        "succeeded",
+        retention=retention,
+        warnings=manifest.warnings,
+        bytes_stored=job.bytes + stored,
+        totals=manifest.totals,
     )
     if not shop.records.run(ended):
         _discard_if_unwanted(shop, job)

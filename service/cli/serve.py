@@ -21,6 +21,7 @@ from typer import Option
 from gcvec.errors import InputError
 from service.broker import private_broker, wait_until_ready
 from service.supervisor import Command, Supervisor
+from worker.app import JOBS_QUEUE, SHORT_QUEUE
 from worker.settings import Settings
 
 _READY_SECONDS: Final = 60.0
@@ -57,18 +58,25 @@ def serve(
 
 def _commands(environment: Mapping[str, str], listener: socket.socket, workers: int) -> tuple[Command, ...]:
     handle = listener.fileno()
-    api = ("-m", "service.server", str(handle))
-    worker = ("-m", "celery", "-A", "worker.app", "--quiet", "worker", "--loglevel", "INFO")
-    fleet = ("--concurrency", str(workers), "--without-gossip", "--without-mingle", "--without-heartbeat")
+    api = (sys.executable, "-m", "service.server", str(handle))
     return (
-        Command("API", (sys.executable, *api), environment, inherited=(handle,)),
-        Command(
-            "worker",
-            (sys.executable, *worker, *fleet),
-            environment,
-            stop_signal=signal.SIGQUIT,
-            stop_seconds=20.0,
-        ),
+        Command("API", api, environment, inherited=(handle,)),
+        _worker("worker", JOBS_QUEUE, workers, environment),
+        _worker("short", SHORT_QUEUE, 1, environment),
+    )
+
+
+def _worker(name: str, queue: str, processes: int, environment: Mapping[str, str]) -> Command:
+    """A Celery worker for one queue."""
+    command = ("-m", "celery", "-A", "worker.app", "--quiet", "worker", "--loglevel", "INFO")
+    place = ("--queues", queue, "--hostname", f"{name}@%h", "--concurrency", str(processes))
+    fleet = ("--without-gossip", "--without-mingle", "--without-heartbeat")
+    return Command(
+        name,
+        (sys.executable, *command, *place, *fleet),
+        environment,
+        stop_signal=signal.SIGQUIT,
+        stop_seconds=20.0,
     )
 
 

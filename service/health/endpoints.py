@@ -10,7 +10,7 @@ from obstore.exceptions import BaseError
 from redis.exceptions import RedisError
 
 from service.deps import ServicesDep
-from service.errors import unavailable
+from service.errors import documented, unavailable
 
 logger = logging.getLogger(__name__)
 router = APIRouter(tags=["health"])
@@ -21,7 +21,7 @@ async def live() -> dict[str, str]:
     return {"status": "ok"}
 
 
-@router.get("/readyz", summary="Can it take jobs?")
+@router.get("/readyz", summary="Can it take jobs?", responses=documented(503))
 async def ready(services: ServicesDep) -> dict[str, str]:
     """Reaches for the broker and the store."""
     try:

@@ -8,7 +8,8 @@ from fastapi import APIRouter, File, Form, Header, Query, Response, UploadFile
 from fastapi.responses import StreamingResponse
 
 from service.deps import JobDep, OwnerDep, ServicesDep
-from service.errors import ProblemError
+from service.errors import ProblemError, documented
+from service.idempotency import IdempotencyKey
 from service.jobs import service
 from service.jobs.repository import cursor, position
 from service.jobs.schemas import JobPage, JobView, job_path
@@ -19,7 +20,12 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 _RETRY_AFTER = "1"
 
 
-@router.post("", status_code=202, summary="Submit a picture")
+@router.post(
+    "",
+    status_code=202,
+    summary="Submit a picture",
+    responses=documented(400, 401, 409, 410, 413, 415, 422, 429, 503),
+)
 async def submit_job(
     services: ServicesDep,
     owner: OwnerDep,
@@ -29,6 +35,7 @@ async def submit_job(
         UploadFile | None, File(description="its regions: CVAT XML, COCO JSON or a zip with either")
     ] = None,
     options: Annotated[str | None, Form(description="JSON object, see JobOptions")] = None,
+    idempotency_key: IdempotencyKey = None,
 ) -> JobView:
     """Queue a picture for vectorization. The answer's `Location` is the job."""
     upload = Upload(
@@ -37,13 +44,13 @@ async def submit_job(
         annotations=await read_file(annotations, "annotations", services.settings) if annotations else None,
         options=read_options(options),
     )
-    job = await service.submit(services, owner, upload)
+    job = await service.submit(services, owner, upload, idempotency_key)
     response.headers["Location"] = job_path(job.id)
     response.headers["Retry-After"] = _RETRY_AFTER
     return JobView.of(job)
 
 
-@router.get("", summary="List jobs")
+@router.get("", summary="List jobs", responses=documented(401, 422, 429, 503))
 async def list_jobs(
     services: ServicesDep,
     owner: OwnerDep,
@@ -64,7 +71,7 @@ async def list_jobs(
     return JobPage(jobs=[JobView.of(job) for job in shown], next=following)
 
 
-@router.get("/{job_id}", summary="Look at a job")
+@router.get("/{job_id}", summary="Look at a job", responses=documented(401, 404, 410, 422, 429, 503))
 async def get_job(
     job: JobDep,
     services: ServicesDep,
@@ -82,7 +89,11 @@ async def get_job(
 @router.get(
     "/{job_id}/events",
     response_class=StreamingResponse,
-    responses={200: {"content": {"text/event-stream": {}}}, 204: {"description": "Nothing is to come"}},
+    responses={
+        200: {"content": {"text/event-stream": {}}},
+        204: {"description": "Nothing is to come"},
+        **documented(401, 404, 410, 422, 429, 503),
+    },
     summary="Watch a job",
 )
 async def watch_job(
@@ -102,7 +113,12 @@ async def watch_job(
     return StreamingResponse(events, headers=headers, media_type="text/event-stream")
 
 
-@router.delete("/{job_id}", status_code=204, summary="Cancel or delete a job")
+@router.delete(
+    "/{job_id}",
+    status_code=204,
+    summary="Cancel or delete a job",
+    responses=documented(401, 404, 410, 422, 429, 503),
+)
 async def delete_job(job: JobDep, services: ServicesDep) -> None:
     """Cancel a job that has not finished; remove its input and results."""
     await service.delete(services, job)

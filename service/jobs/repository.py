@@ -16,9 +16,11 @@ from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 
+from worker.app import QUEUES
 from worker.records import (
     ACTIVE,
     CHANGES,
+    TOTALS,
     Call,
     Job,
     events_key,
@@ -54,6 +56,16 @@ class Event:
     number: int
     kind: str
     data: str
+
+
+@dataclass(frozen=True)
+class Figures:
+    """How the service stands: unfinished jobs by status, messages by queue, counts since the beginning."""
+
+    unfinished: Mapping[str, int]
+    messages: Mapping[str, int]
+    oldest_queued: float | None
+    totals: Mapping[str, float]
 
 
 class JobRepository:
@@ -115,6 +127,25 @@ class JobRepository:
             jobs += [job for _, job in [await self.find(key) for key in wanted] if job is not None]
         return jobs[:size]
 
+    async def figures(self) -> Figures:
+        """How the service stands now."""
+        active = await self._client.zrange(ACTIVE, 0, -1, withscores=True)
+        async with self._client.pipeline(transaction=False) as pipeline:
+            for job_id, _ in active:
+                pipeline.hget(record_key(job_id), "status")
+            for queue in QUEUES:
+                pipeline.llen(queue)
+            pipeline.hgetall(TOTALS)
+            *answers, totals = await pipeline.execute()
+        statuses, lengths = answers[: len(active)], answers[len(active) :]
+        waiting = [since for (_, since), status in zip(active, statuses, strict=True) if status == "queued"]
+        return Figures(
+            unfinished={status: statuses.count(status) for status in ("queued", "running")},
+            messages=dict(zip(QUEUES, lengths, strict=True)),
+            oldest_queued=min(waiting, default=None),
+            totals={name: float(value) for name, value in totals.items()},
+        )
+
     async def ping(self) -> None:
         await self._client.ping()
 
@@ -132,8 +163,14 @@ class Changes:
 
         Whoever waits for it clears it before looking at the job.
         """
-        event = asyncio.Event()
         topics = [f"state {job_id}", f"progress {job_id}"][: 1 + progress]
+        async with self.listening(*topics) as event:
+            yield event
+
+    @asynccontextmanager
+    async def listening(self, *topics: str) -> AsyncIterator[asyncio.Event]:
+        """An event that is set on every news of one of `topics`."""
+        event = asyncio.Event()
         for topic in topics:
             self._waiting[topic].add(event)
         try:

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from gcvec.options import Options
-from worker.artifacts import KINDS
+from service.errors import ProblemView
+from worker.artifacts import EXPORTS, KINDS
 from worker.records import Job, Status
 
 Name = Annotated[str, StringConstraints(max_length=1024)]
@@ -53,16 +54,6 @@ class ProgressView(BaseModel):
     fraction: float
 
 
-class ProblemView(BaseModel):
-    """A problem document (RFC 9457); `pointer` names the offending part of the input."""
-
-    type: str
-    title: str
-    status: int
-    detail: str
-    pointer: str | None = None
-
-
 class JobView(BaseModel):
     """A job. `links` holds what can be asked for now."""
 
@@ -75,6 +66,7 @@ class JobView(BaseModel):
     progress: ProgressView | None
     error: ProblemView | None
     warnings: list[str]
+    revisions: int = Field(description="how often the result has been edited")
     links: dict[str, str]
 
     @classmethod
@@ -90,6 +82,7 @@ class JobView(BaseModel):
                 "progress": job.progress,
                 "error": job.error,
                 "warnings": list(job.warnings),
+                "revisions": job.revisions,
                 "links": _links(job),
             }
         )
@@ -110,7 +103,8 @@ def _links(job: Job) -> dict[str, str]:
     base = job_path(job.id)
     links = {"self": base, "events": f"{base}/events"}
     if job.status == "succeeded":
-        links |= {name: f"{base}/{kind.route}" for name, kind in KINDS.items()}
+        links |= {name: f"{base}/{kind.route}" for name, kind in (KINDS | EXPORTS).items()}
+        links["edits"] = f"{base}/edits"
     return links
 
 

@@ -15,27 +15,41 @@ from fastapi.sse import format_sse_event
 from kombu.exceptions import OperationalError
 
 from service.deps import Services
-from service.errors import unavailable
+from service.errors import ProblemError, unavailable
 from service.jobs.repository import Event
 from service.jobs.schemas import JobView
 from service.jobs.uploads import Upload, check, request_of
 from worker import storage
-from worker.app import JOBS_QUEUE, VECTORIZE
+from worker.app import VECTORIZE
 from worker.records import Job, finish, retire
 
 _PING_SECONDS = 15.0
 
 
-async def submit(services: Services, owner: str, upload: Upload) -> Job:
+async def submit(services: Services, owner: str, upload: Upload, key: str | None) -> Job:
+    """A new job, or the one that the same request with the same idempotency key has made before."""
+    fingerprint = await to_thread.run_sync(fingerprint_of, upload)
+    async with services.idempotency.once(owner, key, fingerprint) as once:
+        if once.outcome is None:
+            job = await _create(services, owner, upload)
+            once.outcome = job.id
+            return job
+    _, earlier = await services.jobs.find(once.outcome)
+    if earlier is None:
+        raise ProblemError("gone", "the job that this request made has expired or was deleted")
+    return earlier
+
+
+async def _create(services: Services, owner: str, upload: Upload) -> Job:
     """Check the upload, keep its files, record the job and queue it; on any failure nothing is left."""
-    await to_thread.run_sync(check, upload, services.settings)
+    header = await to_thread.run_sync(check, upload, services.settings)
     await services.jobs.ping()
     job = Job(
         id=uuid.uuid4().hex,
         owner=owner,
         status="queued",
         created_at=time.time(),
-        request=request_of(upload),
+        request={**request_of(upload), "width": header.width, "height": header.height},
         bytes=len(upload.image) + len(upload.annotations or b""),
     )
     try:
@@ -56,7 +70,7 @@ async def _keep_files(services: Services, job: Job, upload: Upload) -> None:
 
 def _enqueue(services: Services, job_id: str) -> None:
     try:
-        services.queue.send_task(VECTORIZE, [job_id], queue=JOBS_QUEUE, retry=False)
+        services.queue.send_task(VECTORIZE, [job_id], retry=False)
     except OperationalError as error:
         raise unavailable("the queue cannot be reached") from error
 
@@ -126,7 +140,7 @@ async def _wait(changed: asyncio.Event, seconds: float) -> bool:
     return True
 
 
-def fingerprint(upload: Upload) -> str:
+def fingerprint_of(upload: Upload) -> str:
     """Two uploads with the same fingerprint ask for the same job."""
     parts = (
         upload.image,

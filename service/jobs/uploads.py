@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gcvec.errors import InputError
-from gcvec.io import check_size, probe_picture, read_annotations
+from gcvec.io import PictureHeader, check_size, probe_picture, read_annotations
 from service.errors import ProblemError, answer
 from service.jobs.schemas import JobOptions
 from worker.settings import Settings, limits
@@ -85,12 +85,12 @@ def read_options(text: str | None) -> JobOptions:
     return options
 
 
-def check(upload: Upload, settings: Settings) -> None:
-    """Raise InputError for what can be seen to be unusable without decoding the picture."""
+def check(upload: Upload, settings: Settings) -> PictureHeader:
+    """The picture's header. Raises InputError for what is unusable as far as can be seen without decoding."""
     bounds = limits(settings)
     header = probe_picture(upload.image, limits=bounds)
     if upload.annotations is None:
-        return
+        return header
     annotations = read_annotations(
         upload.annotations,
         image_name=upload.options.image_name,
@@ -98,6 +98,7 @@ def check(upload: Upload, settings: Settings) -> None:
         limits=bounds,
     )
     check_size(annotations, header.width, header.height)
+    return header
 
 
 def _refuse(constant: str) -> NoReturn:
@@ -111,7 +112,7 @@ def _too_large(limit: int, part: str | None = None) -> ProblemError:
 
 
 def request_of(upload: Upload) -> dict[str, Any]:
-    """What a job's record keeps of the upload: everything but the files."""
+    """What the upload asks for besides its files."""
     return {
         "picture_name": upload.picture_name,
         "image_name": upload.options.image_name,

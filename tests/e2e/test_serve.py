@@ -47,9 +47,7 @@ def test_no_process_is_left(tmp_path: Path, how: signal.Signals, eventually: Cal
     eventually(lambda: "ready." in service.log.read_text())
     processes = descendants(service.process.pid)
     assert len(processes) >= 5  # broker, API, worker and its two
-    service.process.send_signal(how)
-    service.process.communicate(timeout=20)
-    assert service.process.returncode == (0 if how != signal.SIGKILL else -signal.SIGKILL)
+    assert service.stop(how) == (0 if how != signal.SIGKILL else -signal.SIGKILL)
     eventually(lambda: not any(map(alive, processes)))
 
 

@@ -85,6 +85,8 @@ def test_a_stream_of_many_events_is_whole(api: httpx.Client, jobs: Jobs) -> None
 
 def test_deleting_a_job_ends_its_stream(api: httpx.Client, jobs: Jobs) -> None:
     job_id = jobs.submit()
-    threading.Timer(0.5, lambda: api.delete(f"/v1/jobs/{job_id}")).start()
+    deletion = threading.Timer(0.5, lambda: api.delete(f"/v1/jobs/{job_id}"))
+    deletion.start()
     *_, last = events(api.get(f"/v1/jobs/{job_id}/events"))
+    deletion.join()
     assert last["data"]["status"] == "canceled"

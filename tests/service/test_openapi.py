@@ -3,5 +3,6 @@ from __future__ import annotations
 from service import openapi
 
 
-def test_the_description_is_in_step_with_the_application() -> None:
-    assert openapi.FILE.read_text(encoding="utf-8") == openapi.description()
+def test_the_descriptions_are_in_step_with_the_application() -> None:
+    for path, text in openapi.files().items():
+        assert path.read_text(encoding="utf-8") == text

@@ -1,0 +1,55 @@
+"""Asking workers for something short, and waiting for the answer (see `worker.questions`)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from typing import Any
+
+import redis.asyncio as redis
+from anyio import to_thread
+from celery import Celery
+from kombu.exceptions import OperationalError
+
+from service.errors import ProblemError, unavailable
+from service.jobs.repository import Changes
+from worker.questions import PENDING, PENDING_SECONDS, Answer, question_key
+
+
+class Questions:
+    """Sends short tasks. However many ask the same at a time, the work is done once."""
+
+    def __init__(self, client: redis.Redis, changes: Changes, queue: Celery) -> None:
+        self._client: Any = client
+        self._changes = changes
+        self._queue = queue
+
+    async def ask(self, key: str, task: str, args: Sequence[Any], seconds: float) -> Answer | None:
+        """The answer to the question `key`, or None if it has not come within `seconds`.
+
+        Raises ProblemError for an answer that is a problem, and where the queue cannot be reached.
+        """
+        async with self._changes.listening(f"answer {key}") as heard:
+            if await self._client.set(question_key(key), PENDING, nx=True, ex=PENDING_SECONDS):
+                await self._send(key, task, args)
+            answer = await self._answer(key, heard, seconds)
+        if answer is not None and answer.problem is not None:
+            raise ProblemError.of(answer.problem)
+        return answer
+
+    async def _send(self, key: str, task: str, args: Sequence[Any]) -> None:
+        try:
+            await to_thread.run_sync(lambda: self._queue.send_task(task, [key, *args], retry=False))
+        except OperationalError as error:
+            await self._client.delete(question_key(key))
+            raise unavailable("the queue cannot be reached") from error
+
+    async def _answer(self, key: str, heard: asyncio.Event, seconds: float) -> Answer | None:
+        try:
+            async with asyncio.timeout(seconds):
+                while (text := await self._client.get(question_key(key))) == PENDING:
+                    await heard.wait()
+                    heard.clear()
+        except TimeoutError:
+            return None
+        return None if text is None else Answer.from_json(text)

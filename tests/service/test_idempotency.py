@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import aclosing
+from typing import Any
+
+import httpx
+import pytest
+
+from service.errors import ProblemError
+from service.idempotency import Idempotency
+from service.jobs.repository import connect as connect_async
+from tests.service.conftest import Jobs, cvat, png
+from worker.settings import Settings
+
+IMAGE = ("a.png", png())
+
+
+def submit(api: httpx.Client, key: str, **parts: Any) -> httpx.Response:
+    files = {"image": parts.get("image", IMAGE)}
+    if "annotations" in parts:
+        files["annotations"] = ("a.xml", parts["annotations"])
+    data = {"options": parts.get("options", "{}")}
+    return api.post("/v1/jobs", files=files, data=data, headers={"Idempotency-Key": key})
+
+
+def test_the_same_request_makes_one_job(api: httpx.Client) -> None:
+    first, second = submit(api, "k"), submit(api, "k")
+    assert (first.status_code, second.status_code) == (202, 202)
+    assert first.json() == second.json()
+    assert first.headers["location"] == second.headers["location"]
+    assert len(api.get("/v1/jobs").json()["jobs"]) == 1
+    assert submit(api, "other").json()["id"] != first.json()["id"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"image": ("a.png", png(31, 20))},
+        {"image": ("b.png", png())},
+        {"annotations": cvat()},
+        {"options": '{"target_mse": 6}'},
+    ],
+)
+def test_another_request_with_the_key_is_refused(api: httpx.Client, change: dict[str, Any]) -> None:
+    assert submit(api, "k").status_code == 202
+    answer = submit(api, "k", **change)
+    assert (answer.status_code, answer.json()["type"]) == (422, "urn:gcvec:problem:idempotency-mismatch")
+
+
+def test_a_refused_request_does_not_use_up_its_key(api: httpx.Client) -> None:
+    assert submit(api, "k", image=("a.png", b"no picture")).status_code == 415
+    assert submit(api, "k").status_code == 202
+
+
+def test_of_many_at_once_one_makes_the_job(api: httpx.Client) -> None:
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(lambda _: submit(api, "k"), range(8)))
+    assert {answer.status_code for answer in answers} <= {202, 409}
+    assert len({answer.json()["id"] for answer in answers if answer.status_code == 202}) == 1
+    assert len(api.get("/v1/jobs").json()["jobs"]) == 1
+    refused = [answer for answer in answers if answer.status_code == 409]
+    assert all(answer.json()["type"] == "urn:gcvec:problem:in-flight" for answer in refused)
+    assert all(int(answer.headers["retry-after"]) >= 1 for answer in refused)
+
+
+def test_a_key_whose_job_was_deleted_says_so(api: httpx.Client, jobs: Jobs) -> None:
+    job = submit(api, "k").json()
+    for _ in range(2):  # cancels, then removes nothing more: a cancelled job can still be looked at
+        api.delete(job["links"]["self"])
+    assert submit(api, "k").json()["status"] == "canceled"
+
+
+def test_a_request_that_is_never_finished_blocks_its_key_for_a_minute(settings: Settings) -> None:
+    """So it is when an API dies while it handles one."""
+
+    async def run() -> int:
+        async with (
+            aclosing(connect_async(settings.broker_url)) as client,
+            (idempotency := Idempotency(client)).once("me", "k", "print"),
+        ):
+            with pytest.raises(ProblemError, match="being handled"):
+                await idempotency.once("me", "k", "print").__aenter__()
+            (name,) = await client.keys("gcvec:once:*")
+            return int(await client.ttl(name))
+
+    assert 0 < asyncio.run(run()) <= 60

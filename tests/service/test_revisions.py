@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.service.conftest import Jobs
+from worker import storage
+from worker.storage import Manifest
+
+MOVE = {"curve": 0, "index": 1, "dx": 1.5, "dy": 0}
+
+
+@pytest.mark.parametrize(
+    ("edits", "pointer"),
+    [
+        ({"moves": [{**MOVE, "dx": "wide"}]}, "/body/moves/0/dx"),
+        ({"moves": [{**MOVE, "curve": -1}]}, "/body/moves/0/curve"),
+        ({"moves": [{**MOVE, "dx": 1e6}]}, "/body/moves/0/dx"),
+        ({"recolors": [{"patch": 0, "color": "red"}]}, "/body/recolors/0/color"),
+        ({"recolors": [{"patch": 0}]}, "/body/recolors/0/color"),
+        ({"paint": []}, "/body/paint"),
+        ([], "/body"),
+    ],
+)
+def test_edits_that_make_no_sense_are_refused(
+    api: httpx.Client, jobs: Jobs, edits: Any, pointer: str
+) -> None:
+    answer = api.post(f"/v1/jobs/{jobs.finished()}/edits", json=edits)
+    assert (answer.status_code, answer.json()["pointer"]) == (422, pointer)
+
+
+def test_what_is_not_there_cannot_be_edited(api: httpx.Client, jobs: Jobs) -> None:
+    assert api.post(f"/v1/jobs/{'0' * 32}/edits", json={}).status_code == 404
+    assert api.post(f"/v1/jobs/{jobs.submit()}/edits", json={}).status_code == 409
+    assert api.post(f"/v1/jobs/{jobs.finished()}/edits", json={"revision": 3}).status_code == 404
+
+
+def test_a_revision_has_files_of_its_own(api: httpx.Client, jobs: Jobs) -> None:
+    job_id = jobs.finished(b"original")
+    files = {"gcv": storage.write(jobs.store, f"{storage.revision_folder(job_id, 1)}/result.gcv", b"edited")}
+    storage.commit(jobs.store, job_id, Manifest(1, files), 1)
+    links = api.get(f"/v1/jobs/{job_id}/revisions/1").json()["links"]
+    assert api.get(links["gcv"]).content == b"edited"
+    assert api.get(api.get(links["job"]).json()["links"]["gcv"]).content == b"original"
+    for revision in ("2", "0", "x"):
+        answer = api.get(f"/v1/jobs/{job_id}/revisions/{revision}/result.gcv")
+        assert answer.status_code == (404 if revision == "2" else 422)
+
+
+@pytest.mark.parametrize("scale", ["0", "-1", "nan", "inf", "33", "x", "7"])
+def test_a_preview_of_no_sensible_size_is_refused(api: httpx.Client, jobs: Jobs, scale: str) -> None:
+    """The picture is 30 pixels wide and the limit here 200: seven times is one too many."""
+    answer = api.get(f"/v1/jobs/{jobs.finished()}/preview.png?scale={scale}")
+    assert (answer.status_code, answer.json()["pointer"]) == (422, "/query/scale")
+
+
+def test_a_derived_file_is_served_from_the_store(api: httpx.Client, jobs: Jobs) -> None:
+    job_id = jobs.finished()
+    storage.write_derived(jobs.store, job_id, 0, "preview-2.5.png", b"drawn before")
+    answer = api.get(f"/v1/jobs/{job_id}/preview.png?scale=2.5")
+    assert (answer.status_code, answer.content) == (200, b"drawn before")
+    assert answer.headers["content-type"] == "image/png"

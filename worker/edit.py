@@ -1,0 +1,40 @@
+"""From a vector image and the changes asked for to the files of a new revision."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from gcvec.edit import edit
+
+from gcvec import VectorImage
+from gcvec.export import patch_overlay
+from gcvec.export.png import png
+from worker.artifacts import KINDS, REVISED
+
+
+def edited(image: VectorImage, changes: Mapping[str, Any]) -> VectorImage:
+    """The image with control points moved and patches recoloured. Raises gcvec.InputError."""
+    moves = [(move["curve"], move["index"], move["dx"], move["dy"]) for move in changes["moves"]]
+    recolors = [(change["patch"], _rgb(change["color"])) for change in changes["recolors"]]
+    return edit(image, moves=moves, recolors=recolors)
+
+
+def revision_files(image: VectorImage) -> dict[str, tuple[str, bytes]]:
+    """Artefact name -> file name and content, all of the image as its file holds it."""
+    encoded = image.to_bytes()
+    image = VectorImage.from_bytes(encoded)
+    contents = {
+        "gcv": encoded,
+        "result": json.dumps(image.description()).encode(),
+        "preview": png(image.render()),
+        "patches": png(patch_overlay(image)),
+    }
+    return {name: (KINDS[name].filename, contents[name]) for name in REVISED}
+
+
+def _rgb(text: str) -> tuple[int, int, int]:
+    """The levels of a colour written as #rrggbb."""
+    red, green, blue = bytes.fromhex(text.removeprefix("#"))
+    return red, green, blue

@@ -1,0 +1,103 @@
+"""Exports, edits and removals.
+
+The messages of exports and edits are acknowledged when they are taken: one that ends its worker is not given
+to the next. Whoever waits for the answer asks again.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from obstore.exceptions import BaseError
+
+from gcvec.errors import InputError
+from worker import storage
+from worker.app import EDIT, EXPORT, REMOVE, app
+from worker.problems import input_problem, problem
+from worker.questions import Answer, give
+from worker.records import grow, retire, revise
+from worker.storage import Manifest
+from worker.workshop import Workshop, workshop
+
+logger = logging.getLogger(__name__)
+
+_GONE = problem("gone", "the job has expired or was deleted")
+
+
+@app.task(name=EXPORT, acks_late=False)
+def export_image(key: str, job_id: str, revision: int, kind: str, scale: float, name: str) -> None:
+    """Make the derived file `name` of a revision; the answer's value is empty."""
+    _answer(key, lambda shop: _export(shop, job_id, revision, kind, scale, name))
+
+
+@app.task(name=EDIT, acks_late=False)
+def edit_image(key: str, job_id: str, base: int, changes: Mapping[str, Any]) -> None:
+    """Make a new revision out of an older one; the answer's value is its number."""
+    _answer(key, lambda shop: _edit(shop, job_id, base, changes))
+
+
+@app.task(name=REMOVE)
+def remove_job(job_id: str) -> None:
+    """Remove the files of an expired job, then its record."""
+    shop = workshop()
+    storage.delete_folder(shop.store, storage.job_folder(job_id))
+    shop.records.run(retire(job_id))
+    logger.info("job %s: expired and removed", job_id)
+
+
+def _answer(key: str, work: Callable[[Workshop], Answer]) -> None:
+    shop = workshop()
+    try:
+        answer = work(shop)
+    except InputError as error:
+        answer = Answer(problem=input_problem(error))
+    except (BaseError, OSError) as error:
+        logger.warning("storing failed: %s", type(error).__name__)
+        answer = Answer(problem=problem("unavailable", "the storage cannot be reached"))
+    except MemoryError:
+        answer = Answer(problem=problem("memory-limit", "this needs more memory than allowed"))
+    except Exception:
+        logger.exception("a short task failed")
+        answer = Answer(problem=problem("internal-error", "this failed for a reason that was logged"))
+    give(shop.client, key, answer)
+
+
+def _export(shop: Workshop, job_id: str, revision: int, kind: str, scale: float, name: str) -> Answer:
+    from worker.export import export, load_image
+
+    manifest = storage.read_manifest(shop.store, job_id, revision)
+    if manifest is None:
+        return Answer(problem=_GONE)
+    data = export(load_image(shop.store, manifest.files["gcv"].path), kind, scale)
+    file = storage.write_derived(shop.store, job_id, revision, name, data)
+    return _kept(shop, job_id, file.size, None)
+
+
+def _edit(shop: Workshop, job_id: str, base: int, changes: Mapping[str, Any]) -> Answer:
+    from worker.edit import edited, revision_files
+    from worker.export import load_image
+
+    manifest = storage.read_manifest(shop.store, job_id, base)
+    if manifest is None:
+        return Answer(problem=_GONE)
+    files = revision_files(edited(load_image(shop.store, manifest.files["gcv"].path), changes))
+    revision = shop.records.run(revise(job_id))
+    if not revision:
+        return Answer(problem=_GONE)
+    folder = storage.revision_folder(job_id, revision)
+    stored = {
+        name: storage.write(shop.store, f"{folder}/{filename}", data)
+        for name, (filename, data) in files.items()
+    }
+    storage.commit(shop.store, job_id, Manifest(revision, stored), revision)
+    return _kept(shop, job_id, sum(file.size for file in stored.values()), revision)
+
+
+def _kept(shop: Workshop, job_id: str, size: int, value: object) -> Answer:
+    """The answer, unless the job was deleted while its file was being made: then that file goes too."""
+    if shop.records.run(grow(job_id, size)):
+        return Answer(value)
+    storage.delete_folder(shop.store, storage.job_folder(job_id))
+    return Answer(problem=_GONE)
