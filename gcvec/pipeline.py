@@ -23,6 +23,7 @@ from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
 from gcvec.refine import Step, refine_batch
+from gcvec.refine_paper import refine_paper
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -67,7 +68,8 @@ def vectorize(
         boundary_colors = fit_boundary_colors(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
-    refined = refine_batch(
+    refine = refine_paper if options.strategy == "paper" else refine_batch
+    refined = refine(
         foundation, boundary_colors, picture, options.target_mse, options.max_points, tell.iteration, clock
     )
     tell.stage("encode", 0.97)

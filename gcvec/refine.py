@@ -82,7 +82,7 @@ def refine_batch(
     `max_points` bounds the points of one region, 0 lifts the bound.
     """
     truth = picture.reshape(-1, 3)
-    blocked = ~_room(foundation)
+    blocked = ~room(foundation)
     n_boundary = len(boundary_colors)
     boundary_pull = np.full(n_boundary, BOUNDARY_WEIGHT)
     points = np.zeros((0, 2), np.int64)
@@ -244,7 +244,7 @@ def _pick(candidates, patch, blocked, taken, count, limit, wanted):
     return chosen[:n]
 
 
-def _room(foundation: Foundation) -> NDArray[np.bool_]:
+def room(foundation: Foundation) -> NDArray[np.bool_]:
     """Pixels `(h, w)` whose centres keep clear of every polygon edge."""
     network, samples = foundation.network, foundation.samples
     ends = samples.domain[samples.edge_ends]
