@@ -12,7 +12,9 @@ from gcvec.errors import InputError
 class Options:
     """How a picture is vectorized.
 
-    `target_mse` is the mean squared error of the whole picture on the 0-255 scale at which refinement stops;
+    `strategy` is how interior control points are placed: in batches, or one at a time exactly as in the paper.
+    `target_mse` is the mean squared error on the 0-255 scale at which refinement stops: that of the whole
+    anti-aliased picture, or, with "paper", of each region by itself, at pixel centres;
     `max_points` bounds the interior control points of one region, 0 lifts the bound; `workers` is the
     number of threads, 0 for one a core; `regions` is the number of automatic regions wanted when there are no
     annotations, 0 lets the picture decide.
