@@ -17,7 +17,7 @@ REGION = "region"
 _SEED_PIXELS = 1_000_000
 """Basins are found on a picture reduced to this size; their borders in the picture itself."""
 
-_BORDER_STEP = 9.0
+_BORDER_STEP = 14.0
 """The colour step, levels, at which a long border saves as much as it costs."""
 
 _TEXTURE_SHARE = 0.4
