@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 class Shape:
     """One annotated region.
 
-    Either `rings` (each `(n, 2) float64`, pixels, origin at the top-left corner of the top-left pixel; together
-    they cover the union of their interiors) or `mask` (`(h, w) bool`, with its top-left pixel at `offset = (x, y)`).
+    Either `rings` (each `(n, 2) float64`, pixels, origin at the top-left corner of the top-left pixel;
+    together
+    they cover the union of their interiors) or `mask` (`(h, w) bool`, with its top-left pixel at `offset =
+    (x, y)`).
     `pointer` says where in the annotation file the shape stands, for warnings.
     """
 
@@ -27,7 +29,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Annotations:
-    """The shapes of one image, in document order, with the image size the annotation file states (0, 0 if none)."""
+    """The shapes of one image, in document order, with the image size the annotation file states (0, 0 if
+    none)."""
 
     shapes: tuple[Shape, ...]
     width: int = 0

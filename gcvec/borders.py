@@ -1,7 +1,7 @@
 """Planar graph → borders: arcs cut at real corners, as rows of samples.
 
-A border runs from node to node, or closes on itself where it meets none. Its samples are the mid-points of its cracks,
-and, at the ends, the nodes.
+A border runs from node to node, or closes on itself where it meets none. Its samples are the mid-points of
+its cracks, and, at the ends, the nodes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ Floats = NDArray[np.float64]
 
 CORNER_WINDOW = 5
 CORNER_ANGLE = np.deg2rad(55.0)
-"""An arc turns a corner where the chords over the window before and after a sample meet at this angle or more."""
+"""An arc turns a corner where the chords over the window before and after a sample meet at this angle or
+more."""
 
 Loop = tuple[tuple[int, bool], ...]
 """A closed walk over borders, `(border, forward)`, with the region at the right hand."""
@@ -28,7 +29,8 @@ Loop = tuple[tuple[int, bool], ...]
 class Border:
     """A smooth piece of the border between the regions `left` and `right` (-1: outside the image).
 
-    `samples` is `(n, 2) float64`, pixels, in walking order. `start` and `end` are nodes, -1 each for a closed border, which
+    `samples` is `(n, 2) float64`, pixels, in walking order. `start` and `end` are nodes, -1 each for a
+    closed border, which
     repeats its first sample at the end.
     """
 
@@ -49,7 +51,8 @@ class Border:
 
 @dataclass(frozen=True)
 class Borders:
-    """All borders of a picture. `loops[r]` bounds region r; `nodes` `(k, 2) float64` are junctions and corners."""
+    """All borders of a picture. `loops[r]` bounds region r; `nodes` `(k, 2) float64` are junctions and
+    corners."""
 
     width: int
     height: int

@@ -29,7 +29,8 @@ class Curve:
     """One cubic B-spline with uniform knots between the regions `left` and `right` (-1: outside the image).
 
     `control_points` is `(k, 2) float64`, pixels; the first and last are the positions of the nodes `start`
-    and `end` (-1 each for a closed, periodic curve). The parameter polygons of both regions stay within 2^-`level` pixels of
+    and `end` (-1 each for a closed, periodic curve). The parameter polygons of both regions stay within
+    2^-`level` pixels of
     the curve.
     """
 
@@ -55,7 +56,8 @@ class Curve:
 
 @dataclass(frozen=True)
 class Network:
-    """All boundary curves of a picture. `loops[r]` bounds region r; `n_nodes` counts junctions and corners."""
+    """All boundary curves of a picture. `loops[r]` bounds region r; `n_nodes` counts junctions and
+    corners."""
 
     width: int
     height: int

@@ -21,7 +21,8 @@ Ints = NDArray[np.int64]
 
 GRADIENT_THRESHOLD = 0.02
 DIFFERENCE_THRESHOLD = 0.04
-"""An edge is hard where gradient strength G_e and colour difference D_e (both for colours in [0, 1]) exceed these."""
+"""An edge is hard where gradient strength G_e and colour difference D_e (both for colours in [0, 1]) exceed
+these."""
 
 SMOOTHNESS = 0.02
 """Weight of the second differences of colour control points along a curve, against one sample."""
@@ -64,7 +65,8 @@ def hard_edges(
 ) -> NDArray[np.bool_]:
     """Which curves are hard, `(c,) bool`.
 
-    G_e is the median over the curve's samples of the local mean of the Sobel magnitude, D_e the distance between the mean colours of
+    G_e is the median over the curve's samples of the local mean of the Sobel magnitude, D_e the distance
+    between the mean colours of
     the two regions. `picture` is `(h, w, 3)` in [0, 1]. A curve on the frame has one side and is soft.
     """
     magnitude = np.sqrt(sum(filters.sobel(picture[..., c]) ** 2 for c in range(3)) / 3)
@@ -91,7 +93,8 @@ def _pixel(position: Floats, shape: tuple[int, ...]) -> tuple[Ints, Ints]:
 
 @njit(cache=True, nogil=True)
 def _inward(labels):
-    """For every pixel the nearest pixel, among those reached inside its region, whose 3x3 block is all of that region."""
+    """For every pixel the nearest pixel, among those reached inside its region, whose 3x3 block is all of
+    that region."""
     height, width = labels.shape
     source = np.full((height, width), -1, np.int64)
     queue = np.empty(height * width, np.int64)
@@ -133,8 +136,10 @@ def fit_boundary_colors(
 ) -> Floats:
     """Colours `(space.size, 3)` of the boundary unknowns: bounded least squares through the samples.
 
-    Soft curves are sampled on the curve; on hard ones each side takes the colour of the nearest pixel inside its
-    own eroded region, the inward offset sampling of section 4.3. A little smoothness settles what no sample sees.
+    Soft curves are sampled on the curve; on hard ones each side takes the colour of the nearest pixel inside
+    its
+    own eroded region, the inward offset sampling of section 4.3. A little smoothness settles what no sample
+    sees.
     """
     colors = picture.reshape(-1, 3)
     inward = _inward(labels)

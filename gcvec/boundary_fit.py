@@ -7,17 +7,21 @@ from numpy.typing import NDArray
 
 from gcvec.borders import Borders, between_nodes
 from gcvec.boundary import DISTANCE, Network, boundary_network
-from gcvec.quantization import rounded_network
-from gcvec.domain import FINEST_LEVEL, crossing_curves, raise_levels, with_levels, without_crossings
+from gcvec.domain import FINEST_LEVEL, crossing_curves, with_levels, without_crossings
+from gcvec.quantization import Quantization, rounded_network
+
+GRID = Quantization().grid
 
 FALLBACKS = (DISTANCE, DISTANCE, DISTANCE / 2, DISTANCE / 4, 0.0)
 """Distances allowed to a curve, try after try; from the second on it follows the label map, not the photo."""
 
 
-def fitted_network(traced: Borders, localized: Borders, grid: float) -> Network:
-    """Curves through the localized borders, on a grid of `grid` pixels, with the levels of their parameter polygons.
+def fitted_network(traced: Borders, localized: Borders, grid: float = GRID) -> Network:
+    """Curves through the localized borders, on a grid of `grid` pixels, with the levels of their parameter
+    polygons.
 
-    Curves that cross themselves or others, as they may around regions a pixel or two wide, go back to the border as it
+    Curves that cross themselves or others, as they may around regions a pixel or two wide, go back to the
+    border as it
     was traced and follow it ever more closely.
     """
     tries = np.zeros(len(traced.borders), np.int64)

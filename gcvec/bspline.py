@@ -1,7 +1,7 @@
 """Cubic B-splines with uniform knots (paper, equations (3) to (5)).
 
-A curve of m segments runs over u in [0, m]. An open one is clamped (knots 0,0,0,0,1,...,m,m,m,m; m + 3 control points,
-the first and last interpolated); a closed one is periodic (m control points, C2 everywhere).
+A curve of m segments runs over u in [0, m]. An open one is clamped (knots 0,0,0,0,1,...,m,m,m,m; m + 3
+control points, the first and last interpolated); a closed one is periodic (m control points, C2 everywhere).
 Every function works on the local form of the basis: the index of the first of the four control points that
 matter at u, and their four weights.
 """
@@ -96,9 +96,11 @@ def _chord_length(samples, m):
 
 @njit(cache=True, nogil=True)
 def _lspia(samples, index, weight, control, n_fixed_ends, iterations, tolerance):
-    """LSPIA sweeps in place: each control point moves by the weighted mean of its samples' residuals, eq. (4), (5).
+    """LSPIA sweeps in place: each control point moves by the weighted mean of its samples' residuals, eq.
+    (4), (5).
 
-    Stops early once no control point moves by more than `tolerance`. The column sums of the basis bound the step, which is
+    Stops early once no control point moves by more than `tolerance`. The column sums of the basis bound the
+    step, which is
     what makes the iteration converge to the least-squares fit (Deng and Lin 2014).
     """
     n_control, d = control.shape
@@ -185,7 +187,8 @@ def fit(samples: Floats, segments: int, closed: bool = False, iterations: int = 
 
 
 def fit_within(samples: Floats, distance: float, segments: int = 1, closed: bool = False) -> Floats:
-    """Control points of a curve with few segments, at least `segments`, that stays within `distance` of every sample.
+    """Control points of a curve with few segments, at least `segments`, that stays within `distance` of
+    every sample.
 
     Where even a curve with as many segments as samples does not come that close, that curve is returned.
     """
@@ -196,7 +199,7 @@ def fit_within(samples: Floats, distance: float, segments: int = 1, closed: bool
 
 
 @njit(cache=True, nogil=True)
-def _blossom(control, u, v, w, closed, out):
+def _blossom(control: Floats, u: float, v: float, w: float, closed: bool, out: Floats) -> None:
     m = len(control) if closed else len(control) - 3
     mean = (u + v + w) / 3
     if closed and mean < 0:
@@ -242,7 +245,8 @@ def _bezier(control, closed):
 def refine(control: Floats, closed: bool = False) -> Floats:
     """The same curve with every segment cut in half by knot insertion (Boehm); u doubles.
 
-    Exact: `evaluate(refine(P), 2 u) == evaluate(P, u)`. The new control points are values of the curve's blossom at
+    Exact: `evaluate(refine(P), 2 u) == evaluate(P, u)`. The new control points are values of the curve's
+    blossom at
     triples of new knots (Ramshaw 1989).
     """
     return np.asarray(_refine(np.ascontiguousarray(control, np.float64), closed))

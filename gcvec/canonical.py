@@ -1,7 +1,8 @@
 """From what a file stores to the mesh that a picture is defined on.
 
-The recipe is deterministic: boundary samples from the curves, jittered control points, graded free points, their constrained Delaunay
-triangulation, and equations (1) and (2) on it. Fit, error, rendering and export all start here.
+The recipe is deterministic: boundary samples from the curves, jittered control points, graded free points,
+their constrained Delaunay triangulation, and equations (1) and (2) on it. Fit, error, rendering and export
+all start here.
 """
 
 from __future__ import annotations
@@ -28,9 +29,11 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Foundation:
-    """Everything that stays the same while control points are added: curves, samples, S and the boundary unknowns.
+    """Everything that stays the same while control points are added: curves, samples, S and the boundary
+    unknowns.
 
-    `control_points` `(c, 2)` are those of all curves; they differ from the network's own after an edit, which moves
+    `control_points` `(c, 2)` are those of all curves; they differ from the network's own after an edit,
+    which moves
     the picture but leaves the parameter domains alone.
     """
 
@@ -114,7 +117,8 @@ def lay_unfolded_foundation(network: Network, hard: NDArray[np.bool_]) -> Founda
 
 
 def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
-    """The foundation with parameter polygons twice as close to the curves that pass through these mesh vertices.
+    """The foundation with parameter polygons twice as close to the curves that pass through these mesh
+    vertices.
 
     None where there are no such curves, or all of them are followed as closely as can be.
     """

@@ -1,8 +1,8 @@
 """The `.gcv` file (paper, section 5.1): everything in steps, entropy coded.
 
-The letters GCV, a version byte, the CRC-32 of what follows, and one range-coded stream: sizes and steps, the curves'
-topology and control points, boundary colours, a bitmap of interior control points, and their colours as
-residuals against what their surroundings predict. `docs/format.md` describes it for other implementations.
+The letters GCV, a version byte, the CRC-32 of what follows, and one range-coded stream: sizes and steps, the
+curves' topology and control points, boundary colours, a bitmap of interior control points, and their colours
+as residuals against what their surroundings predict. `docs/format.md` describes it for other implementations.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def _read(coder: Coder) -> VectorImage:
     width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
     steps = Quantization(*(int(n) for n in sizes[5:8]))
     edited = bool(sizes[8])
-    _demand(0 < width and 0 < height and width * height <= MOST_PIXELS, "impossible size")
+    _demand(width > 0 and height > 0 and width * height <= MOST_PIXELS, "impossible size")
     _demand(
         0 < n_curves <= MOST_CURVES and 0 <= n_nodes <= 2 * n_curves and 0 < n_patches <= n_curves,
         "impossible counts",

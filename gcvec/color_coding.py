@@ -1,7 +1,8 @@
 """Colours as small integers: differences from a prediction, in a decorrelated basis, in steps.
 
-A difference from the prediction is taken apart into lightness and two chroma axes. The basis is orthonormal, so equal steps are what
-mean squared error over R, G and B asks for. Prediction uses colours as a decoder knows them.
+A difference from the prediction is taken apart into lightness and two chroma axes. The basis is orthonormal,
+so equal steps are what mean squared error over R, G and B asks for. Prediction uses colours as a decoder
+knows them.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ BASIS = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, -1.0], [1.0, -2.0, 1.0]])
 BASIS /= np.linalg.norm(BASIS, axis=1)[:, None]
 
 DEAD_ZONE = 0.1
-"""Differences are rounded towards zero by this share of a step more than to nearest: it saves more than it costs."""
+"""Differences are rounded towards zero by this share of a step more than to nearest: it saves more than it
+costs."""
 
 COLOR_CONTEXTS = 3 * 3 * INTEGER_CONTEXTS
 
@@ -70,7 +72,8 @@ def code_boundary_colors(
 ) -> None:
     """Write the colours of boundary unknowns `(n, 3)`, or read them, curve side by curve side.
 
-    `unknowns` are those of all curve sides one after another, side s from `starts[s]` on, with `patch[s]` beside it. A colour is
+    `unknowns` are those of all curve sides one after another, side s from `starts[s]` on, with `patch[s]`
+    beside it. A colour is
     predicted by the one before along the curve, the first by the last one known at the same patch.
     """
     known = np.zeros(len(colors), np.bool_)
@@ -103,7 +106,8 @@ def code_point_colors(
 ) -> None:
     """Write the colours of interior control points `(n, 3)`, or read them, in the given order.
 
-    A point is predicted by `base` `(n, 3)`, what the boundary alone gives there, plus what the known points of its patch
+    A point is predicted by `base` `(n, 3)`, what the boundary alone gives there, plus what the known points
+    of its patch
     nearby differ from theirs, weighted by inverse square distance.
     """
     cell = 8
@@ -156,7 +160,8 @@ def code_point_colors(
 
 
 def progressive_order(points: Ints) -> Ints:
-    """An order of points that spreads them ever more densely: by a hash of the pixel, so that a decoder knows it."""
+    """An order of points that spreads them ever more densely: by a hash of the pixel, so that a decoder
+    knows it."""
     x, y = points[:, 0].astype(np.uint64), points[:, 1].astype(np.uint64)
     mask = np.uint64(0xFFFFFFFF)
     h = (x * np.uint64(0x9E3779B1) + y * np.uint64(0x7FEB352D)) & mask

@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ColorFit:
-    """Equation (7) on one canvas: ŷ = B R x, where R takes the unknowns to the mesh and B the mesh to pixels."""
+    """Equation (7) on one canvas: ŷ = B R x; R takes the unknowns to the mesh, B the mesh to pixels."""
 
     operator: sparse.csr_array
     corner_color: Ints

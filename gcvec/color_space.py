@@ -1,12 +1,14 @@
 """The unknown colours of a picture, and the operator that takes them to the corners of drawn triangles.
 
-Unknowns, in this order: one colour for every patch at every node; the inner control points of every curve, one set on a soft
-curve, two on a hard one; the interior control points. At a node the two patches beside a soft curve share their colour.
+Unknowns, in this order: one colour for every patch at every node; the inner control points of every curve,
+one set on a soft curve, two on a hard one; the interior control points. At a node the two patches beside a
+soft curve share their colour.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +32,8 @@ class ColorSpace:
     """Numbering of the boundary colours of a network.
 
     size       number of boundary unknowns
-    of_control (2, c) unknown of every control point of every curve, for the right and the left side; -1 outside the image
+    of_control (2, c) unknown of every control point of every curve, for the right and the left side; -1
+    outside the image
     node_keys  (k,) sorted `node * n_patches + patch`
     of_node    (k,) unknown of each of them
     """
@@ -44,9 +47,11 @@ class ColorSpace:
     def operator(
         self, network: Network, drawing: Drawing, mesh: Mesh, blend: Blend
     ) -> tuple[sparse.csr_array, Ints]:
-        """R `(n, unknowns)` from unknowns to colours, and which colour `(t, 3)` each corner of a triangle has.
+        """R `(n, unknowns)` from unknowns to colours, and which colour `(t, 3)` each corner of a triangle
+        has.
 
-        The colours are those of the control points, of the free vertices, and of every pair of boundary vertex and
+        The colours are those of the control points, of the free vertices, and of every pair of boundary
+        vertex and
         patch in use.
         """
         left = np.array([c.left for c in network.curves])
@@ -73,12 +78,13 @@ class ColorSpace:
         rows.append(np.repeat(n_points + n_free + np.arange(len(vertex)), 4))
         columns.append(boundary.ravel())
         values.append(drawing.weight[vertex].ravel())
-        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        entries: Any = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         shape = (n_points + n_free + len(vertex), self.size + n_points)
         return sparse.coo_array(entries, shape=shape).tocsr(), index
 
     def _corners(self, drawing: Drawing) -> tuple[Ints, Ints, Ints]:
-        """Colours of the corners, and the boundary vertex and patch of each colour beyond the interior ones."""
+        """Colours of the corners, and the boundary vertex and patch of each colour beyond the interior
+        ones."""
         corner = drawing.triangles
         interior = (corner >= drawing.n_samples) & (corner < drawing.n_vertices)
         index = np.where(interior, corner - drawing.n_samples, 0)

@@ -14,7 +14,7 @@ SLIVER_AREA = 16
 def connected_components(owners: NDArray[np.int32]) -> NDArray[np.int32]:
     """Number the 4-connected components of equal `owners (h, w)`, each >= 0, from 0 in raster order of their
     first pixels. Pixels that touch at a corner only are not connected."""
-    numbered = label(owners, connectivity=1, background=-1)  # type: ignore[no-untyped-call]
+    numbered = label(owners, connectivity=1, background=-1)
     labels: NDArray[np.int32] = (numbered - 1).astype(np.int32)
     return labels
 

@@ -22,7 +22,8 @@ CURVE_CONTEXTS = _INNER + 2 * SEQUENCE_CONTEXTS
 
 @njit(cache=True, nogil=True)
 def code_topology(coder: Coder, context: int, table: Ints) -> None:
-    """Write the table of curves `(c, 7)`, or read it. Nodes must be numbered in the order in which curves meet them.
+    """Write the table of curves `(c, 7)`, or read it. Nodes must be numbered in the order in which curves
+    meet them.
 
     A curve often goes on where the last one, of the same border, ended at a corner.
     """
@@ -68,7 +69,8 @@ def _code_node(coder: Coder, flag: int, context: int, node: int, next_node: int)
 def code_geometry(coder: Coder, context: int, table: Ints, offsets: Ints, nodes: Ints, control: Ints) -> None:
     """Write node positions `(k, 2)` and control points `(n, 2)` in grid steps, or read them.
 
-    Curve c has its inner control points (all, when it is closed) in `control[offsets[c]:offsets[c + 1]]`. Each is predicted to go on as
+    Curve c has its inner control points (all, when it is closed) in `control[offsets[c]:offsets[c + 1]]`.
+    Each is predicted to go on as
     the curve did, bent towards the end of the curve.
     """
     known = np.zeros(len(nodes), np.bool_)

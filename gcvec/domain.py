@@ -1,8 +1,9 @@
 """Boundary curves → parameter polygons Φ that hug their regions (paper, section 4.1).
 
-The vertices of all polygons lie on the curves, at boundary samples: junctions, corners, and as many further samples as
-the polygons need to stay within a tolerance of the curves and clear of each other. Neighbours share them, so
-the polygons of all regions tile the image. Each polygon edge belongs to one stretch of one curve, C_i.
+The vertices of all polygons lie on the curves, at boundary samples: junctions, corners, and as many further
+samples as the polygons need to stay within a tolerance of the curves and clear of each other. Neighbours
+share them, so the polygons of all regions tile the image. Each polygon edge belongs to one stretch of one
+curve, C_i.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ FINEST_LEVEL = 8
 
 
 def sample_parameters(curve: Curve) -> Floats:
-    """Increasing parameters from 0 to m: every segment cut into 2^k equal pieces, k as spacing and sagitta ask for."""
+    """Increasing parameters from 0 to m: every segment cut into 2^k equal pieces, k as spacing and sagitta
+    ask for."""
     knots = bspline.evaluate(curve.control_points, np.arange(curve.segments + 1.0), curve.closed)
     spans = np.hypot(*np.diff(knots, axis=0).T)
     bend = np.hypot(*bspline.second_derivative_at_knots(curve.control_points, curve.closed).T)
@@ -49,7 +51,8 @@ def polygon_vertices(curve: Curve, samples: Floats) -> Ints:
 
 
 def without_crossings(network: Network) -> Network:
-    """The network with levels raised until no polygon edges cross; curves must not cross themselves or others."""
+    """The network with levels raised until no polygon edges cross; curves must not cross themselves or
+    others."""
     while True:
         bad = [c for c in crossing_curves(network) if network.curves[c].level < FINEST_LEVEL]
         if not bad:

@@ -25,7 +25,8 @@ class Draft:
     steps: Quantization
 
     def file(self, foundation: Foundation, points: Ints, colors: Floats) -> tuple[bytes, VectorImage]:
-        """The file, and the vector image it holds, for points `(n, 2)` and all unknown colours `(b + n, 3)`."""
+        """The file, and the vector image it holds, for points `(n, 2)` and all unknown colours `(b + n,
+        3)`."""
         n_boundary = foundation.space.size
         order = np.lexsort((points[:, 0], points[:, 1]))
         data = encode(

@@ -1,7 +1,8 @@
 """The canonical mesh, taken to the image and tessellated as finely as a rendering needs.
 
-Straight mesh edges along a curve are replaced by polylines on the curve, flat to a tolerance. Both sides share them, so neighbours meet
-without gap or overlap at every scale; the mesh on which the coordinates were solved stays as it is.
+Straight mesh edges along a curve are replaced by polylines on the curve, flat to a tolerance. Both sides
+share them, so neighbours meet without gap or overlap at every scale; the mesh on which the coordinates were
+solved stays as it is.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class Drawing:
     curve      (b,) curve of each boundary vertex, -1 for nodes: samples first, then tessellation points
     control    (b, 4) control points, numbered through all curves, that make up a boundary vertex
     weight     (b, 4)
-    n_samples, n_vertices  how the vertices divide: samples, interior vertices of the mesh, tessellation points
+    n_samples, n_vertices  how the vertices divide: samples, interior vertices of the mesh, tessellation
+                           points
     """
 
     image: Floats
@@ -60,7 +62,8 @@ def draw(
 ) -> Drawing:
     """Tessellate the mesh until polylines lie within `flatness` pixels of their curves; infinity: not at all.
 
-    `control_points` `(c, 2)` are those of all curves, `interior` `(v - n_samples, 2)` the places of the interior vertices.
+    `control_points` `(c, 2)` are those of all curves, `interior` `(v - n_samples, 2)` the places of the
+    interior vertices.
     """
     on_curve = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
     pieces = _pieces(network, samples, control_points, flatness)
@@ -135,9 +138,11 @@ def _extra_samples(
 
 
 def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Triangles with their edges along `segments` replaced by the polylines through `count` points from `first`.
+    """Triangles with their edges along `segments` replaced by the polylines through `count` points from
+    `first`.
 
-    A triangle with such an edge becomes a fan about the opposite corner. One with several is fanned once for each: after
+    A triangle with such an edge becomes a fan about the opposite corner. One with several is fanned once for
+    each: after
     the first pass each further edge belongs to just one triangle of the fan.
     """
     triangles, patch = mesh.triangles, mesh.patch

@@ -1,11 +1,12 @@
 """Adaptive binary range coding.
 
-A range coder with carry propagation (Martin 1979, in the byte-wise form of the LZMA format) codes single decisions, each under a
-context that learns its probability as the mean of a fast and a slow estimate. Integers are coded as decisions: the
-bit length in unary, the sign, and the mantissa with learned leading bits.
+A range coder with carry propagation (Martin 1979, in the byte-wise form of the LZMA format) codes single
+decisions, each under a context that learns its probability as the mean of a fast and a slow estimate.
+Integers are coded as decisions: the bit length in unary, the sign, and the mantissa with learned leading
+bits.
 
-One function serves both directions: `code_bit` writes the bit it is given when the coder writes, and returns the next bit of the
-data when it reads. Models built on it are therefore the same for both by construction.
+One function serves both directions: `code_bit` writes the bit it is given when the coder writes, and returns
+the next bit of the data when it reads. Models built on it are therefore the same for both by construction.
 """
 
 from __future__ import annotations
@@ -183,7 +184,8 @@ SEQUENCE_CONTEXTS = 3 * INTEGER_CONTEXTS
 def code_occupancy(coder: Coder, context: int, occupied: NDArray[np.uint8]) -> None:
     """Write a bitmap `(h, w)`, or read it, row by row.
 
-    The context is what is set nearby: the pixels left and above, how many of the 20 seen pixels around, and how
+    The context is what is set nearby: the pixels left and above, how many of the 20 seen pixels around, and
+    how
     dense the bitmap has been further up and to the left.
     """
     height, width = occupied.shape

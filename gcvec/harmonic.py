@@ -1,7 +1,8 @@
 """Harmonic coordinates on a triangle mesh (paper, section 3.1; Joshi et al. 2007).
 
-The Laplacian is the P1 cotangent Laplacian. Boundary samples and control points carry Dirichlet rows; the other vertices are
-free, and on a constrained Delaunay mesh the discrete maximum principle keeps every coordinate in [0, 1].
+The Laplacian is the P1 cotangent Laplacian. Boundary samples and control points carry Dirichlet rows; the
+other vertices are free, and on a constrained Delaunay mesh the discrete maximum principle keeps every
+coordinate in [0, 1].
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ def cotangent_laplacian(vertices: Floats, triangles: Ints) -> sparse.csr_array:
 
 
 def harmonic_extension(laplacian: sparse.csr_array, free: Ints, fixed: Ints, values: Floats) -> Floats:
-    """Values `(f, k)` at the vertices `free` of the k harmonic functions that take `values` `(d, k)` at `fixed`."""
+    """Values `(f, k)` at the vertices `free` of the k harmonic functions that take `values` `(d, k)` at
+    `fixed`."""
     if not len(free):
         return np.zeros((0, values.shape[1]))
     rows = laplacian[free]
@@ -54,9 +56,12 @@ def harmonic_coordinates(
 ) -> Floats:
     """Harmonic coordinates `(v, n + m)` at every mesh vertex.
 
-    `edges` `(e, 2)` names the mesh vertices that are the ends of each polygon edge; the n distinct ones, in increasing order,
-    are the polygon's vertices. Mesh vertex i lies on edge `on_edge[i]` at the fraction `along[i]`, or inside where
-    `on_edge[i]` is -1. `points` `(m,)` are the mesh vertices that are control points. Columns: vertices, then control points.
+    `edges` `(e, 2)` names the mesh vertices that are the ends of each polygon edge; the n distinct ones, in
+    increasing order,
+    are the polygon's vertices. Mesh vertex i lies on edge `on_edge[i]` at the fraction `along[i]`, or inside
+    where
+    `on_edge[i]` is -1. `points` `(m,)` are the mesh vertices that are control points. Columns: vertices,
+    then control points.
     """
     corners = np.unique(edges)
     values = np.zeros((len(vertices), len(corners) + len(points)))

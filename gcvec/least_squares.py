@@ -50,7 +50,8 @@ def solve(
 ) -> Floats:
     """Preconditioned conjugate gradients from `start` `(n, c)`, all columns at once.
 
-    Ends after `iterations`, or when every column's residual has fallen below `tolerance` of its right-hand side.
+    Ends after `iterations`, or when every column's residual has fallen below `tolerance` of its right-hand
+    side.
     Unknowns where `fixed` `(n, c)` is set keep their start values.
     """
     scale = 1 / equations.diagonal()[:, None]

@@ -1,12 +1,14 @@
 """Borders at sub-pixel accuracy.
 
-A label map knows a border to a pixel. The photo knows it better: across a clean step the anti-aliased profile says where between
-two pixel centres the step lies. Every sample of a border moves along its normal to where the step of equal area would stand.
+A label map knows a border to a pixel. The photo knows it better: across a clean step the anti-aliased
+profile says where between two pixel centres the step lies. Every sample of a border moves along its normal
+to where the step of equal area would stand.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -62,7 +64,7 @@ def localized(found: Borders, picture: Floats) -> Borders:
 
 def _limited(shift: Floats) -> Floats:
     length = np.hypot(*shift.T)
-    return shift * np.minimum(1, LARGEST_SHIFT / np.maximum(length, 1e-12))[:, None]
+    return np.asarray(shift * np.minimum(1, LARGEST_SHIFT / np.maximum(length, 1e-12))[:, None])
 
 
 def _with_ends(inner: Floats, border: Border) -> Floats:
@@ -86,7 +88,7 @@ def _normals(border: Border) -> Floats:
 
 def _smoothed(shift: Floats, trust: Floats, closed: bool) -> Floats:
     """Shifts averaged along the border, weighted by trust; untrusted stretches stay where they are."""
-    mode = "wrap" if closed else "nearest"
+    mode: Literal["wrap", "nearest"] = "wrap" if closed else "nearest"
     weight = ndimage.gaussian_filter1d(trust, SMOOTHING, mode=mode)
     total = ndimage.gaussian_filter1d(trust * shift, SMOOTHING, mode=mode)
     return np.asarray(total / np.maximum(weight, 0.25))

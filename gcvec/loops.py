@@ -15,7 +15,8 @@ _Half = tuple[int, bool]
 def network_loops(curves: tuple[Curve, ...], n_patches: int) -> tuple[tuple[Loop, ...], ...]:
     """Loops of every patch, the patch at the right hand. `ValueError` where curves do not close.
 
-    Where a patch touches itself at a node the walk takes the sharpest turn to the right, which stays at the same corner.
+    Where a patch touches itself at a node the walk takes the sharpest turn to the right, which stays at the
+    same corner.
     """
     leaving: dict[tuple[int, int], list[_Half]] = {}
     halves: list[tuple[int, _Half]] = []
@@ -51,7 +52,8 @@ def network_loops(curves: tuple[Curve, ...], n_patches: int) -> tuple[tuple[Loop
 
 
 def _turn(curves: tuple[Curve, ...], arriving: _Half, leaving: _Half) -> float:
-    """Angle from turning back to the leaving direction, growing to the left: least is the sharpest right turn."""
+    """Angle from turning back to the leaving direction, growing to the left: least is the sharpest right
+    turn."""
     back = _tangent(curves[arriving[0]], not arriving[1])
     out = _tangent(curves[leaving[0]], leaving[1])
     angle = np.arctan2(back[0] * out[1] - back[1] * out[0], back @ out)

@@ -1,12 +1,14 @@
 """Parameter domains and points → the canonical triangle mesh.
 
-All domains tile the image, so one constrained Delaunay triangulation holds the meshes of all patches. Its vertices are,
-in this order, the boundary samples, the control points, and free (Steiner) points where there is a lot of room.
+All domains tile the image, so one constrained Delaunay triangulation holds the meshes of all patches. Its
+vertices are, in this order, the boundary samples, the control points, and free (Steiner) points where there
+is a lot of room.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pythoncdt
@@ -47,7 +49,8 @@ class Mesh:
 def jitter(points: NDArray[np.int64]) -> Floats:
     """Positions `(n, 2)` in the parameter domain of the control points of pixels `(n, 2)` (x, y).
 
-    A control point sits at its pixel's centre, moved by less than a twentieth of a pixel by a hash of the pixel's
+    A control point sits at its pixel's centre, moved by less than a twentieth of a pixel by a hash of the
+    pixel's
     coordinates, so that no four of them lie on one circle and the Delaunay triangulation is unique.
     """
     x, y = points[:, 0].astype(np.uint64), points[:, 1].astype(np.uint64)
@@ -62,20 +65,21 @@ def jitter(points: NDArray[np.int64]) -> Floats:
 def free_points(sites: Floats, width: int, height: int) -> Floats:
     """Steiner points `(n, 2)` graded by the distance to the nearest of the `sites` `(k, 2)`.
 
-    A quadtree cell is clear when no site lies in it or its eight neighbours. Every clear cell without a clear parent gets
+    A quadtree cell is clear when no site lies in it or its eight neighbours. Every clear cell without a
+    clear parent gets
     a point in its middle. Cells and the test are integers, so the points are the same everywhere.
     """
     size = FINEST_CELL
     columns, rows = -(-width // size), -(-height // size)
     side = 1 << COARSEST_LEVEL
     columns, rows = -(-columns // side) * side, -(-rows // side) * side
-    taken = np.zeros((rows, columns), bool)
+    taken: NDArray[np.bool_] = np.zeros((rows, columns), bool)
     x = np.clip((sites[:, 0] // size).astype(np.int64), 0, columns - 1)
     y = np.clip((sites[:, 1] // size).astype(np.int64), 0, rows - 1)
     taken[y, x] = True
     clear = [~_dilated(taken)]
     for _ in range(COARSEST_LEVEL):
-        taken = taken.reshape(len(taken) // 2, 2, -1, 2).any(axis=(1, 3))
+        taken = np.asarray(taken.reshape(len(taken) // 2, 2, -1, 2).any(axis=(1, 3)))
         clear.append(~_dilated(taken))
     found = []
     parent_clear = np.zeros((0, 0), bool)
@@ -121,8 +125,9 @@ def constrained_delaunay(vertices: Floats, segments: Ints) -> tuple[Ints, Ints]:
     cdt = pythoncdt.Triangulation(
         pythoncdt.VertexInsertionOrder.AUTO, pythoncdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0
     )
-    cdt.insert_vertices(np.ascontiguousarray(vertices, np.float64))
-    cdt.insert_edges(np.ascontiguousarray(segments, np.uint32))
+    buffers: Any = cdt  # its stubs know sequences only
+    buffers.insert_vertices(np.ascontiguousarray(vertices, np.float64))
+    buffers.insert_edges(np.ascontiguousarray(segments, np.uint32))
     cdt.erase_outer_triangles()
     result = cdt.triangles_array()
     neighbours = result["neighbors"].astype(np.int64)

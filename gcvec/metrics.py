@@ -30,7 +30,8 @@ class RegionReport:
 
 @dataclass(frozen=True)
 class Report:
-    """Errors are on the 0-255 scale, over R, G and B, of the box-filtered picture (`mse_raw`: of pixel centres)."""
+    """Errors are on the 0-255 scale, over R, G and B, of the box-filtered picture (`mse_raw`: of pixel
+    centres)."""
 
     width: int
     height: int

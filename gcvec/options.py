@@ -12,7 +12,8 @@ from gcvec.errors import InputError
 class Options:
     """How a picture is vectorized.
 
-    `strategy` is how interior control points are placed: in batches, or one at a time exactly as in the paper.
+    `strategy` is how interior control points are placed: in batches, or one at a time exactly as in the
+    paper.
     `target_mse` is the mean squared error on the 0-255 scale at which refinement stops: that of the whole
     anti-aliased picture, or, with "paper", of each region by itself, at pixel centres;
     `max_points` bounds the interior control points of one region, 0 lifts the bound; `workers` is the

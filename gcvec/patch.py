@@ -2,10 +2,12 @@
 
 With v_i = p_i on every polygon, equation (1) reads
 
-    S(x) = Σ_i λ_i p_i + Σ_i (λ_i + λ_{i+1}) [C_i(t) - (1 - t) p_i - t p_{i+1}],   t = λ_{i+1} / (λ_i + λ_{i+1}):
+    S(x) = Σ_i λ_i p_i + Σ_i (λ_i + λ_{i+1}) [C_i(t) - (1 - t) p_i - t p_{i+1}],   t = λ_{i+1} / (λ_i +
+    λ_{i+1}):
 
-the polygon's own interpolation plus the bulge of every curve over its chord. It holds for geometry and colour alike, and for
-polygons with holes, where the sum runs over all loops. Both parts are linear in the control points of the curves.
+the polygon's own interpolation plus the bulge of every curve over its chord. It holds for geometry and
+colour alike, and for polygons with holes, where the sum runs over all loops. Both parts are linear in the
+control points of the curves.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ def coons(
 ) -> Entries:
     """Equation (1) as `(vertex, control point, weight)` entries.
 
-    `coordinates` is `(f, n)`; column k belongs to the polygon vertex that is sample `columns[k]` (increasing); `edges` are
+    `coordinates` is `(f, n)`; column k belongs to the polygon vertex that is sample `columns[k]`
+    (increasing); `edges` are
     the polygon edges of the patch.
     """
     if not len(columns):
@@ -138,8 +141,8 @@ def _blend_cluster(
     values[len(boundary) + np.arange(len(points)), n + np.arange(len(points))] = 1.0
     coordinates = harmonic_extension(laplacian, free, np.concatenate([boundary, points]), values)
 
-    vertex, control, weight = coons(coordinates[:, :n], columns, edges, network, samples)
-    boundary_entries.append((members[vertex], control, weight))
+    row, control, weight = coons(coordinates[:, :n], columns, edges, network, samples)
+    boundary_entries.append((members[row], control, weight))
     vertex, column = np.nonzero(coordinates[:, n:])
     point_entries.append((members[vertex], points[column] - mesh.n_samples, coordinates[vertex, n + column]))
 
@@ -181,12 +184,14 @@ class Geometry:
     triangle_at: NDArray[np.int32]
 
     def to_image(self, points: Floats) -> Floats:
-        """S at points `(n, 2)` of the parameter domain, each in the triangle that holds its pixel's centre."""
+        """S at points `(n, 2)` of the parameter domain, each in the triangle that holds its pixel's
+        centre."""
         shift = self.image - self.mesh.vertices
         return points + self.interpolate(points, shift[self.mesh.triangles])
 
     def interpolate(self, points: Floats, corner_values: Floats) -> Floats:
-        """A function given at the corners of the mesh's triangles `(t, 3, d)`, at points `(n, 2)` of the domain."""
+        """A function given at the corners of the mesh's triangles `(t, 3, d)`, at points `(n, 2)` of the
+        domain."""
         height, width = self.triangle_at.shape
         column = np.clip(points[:, 0].astype(np.int64), 0, width - 1)
         row = np.clip(points[:, 1].astype(np.int64), 0, height - 1)

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from gcvec.annotations import Annotations
 from gcvec.borders import borders
-from gcvec.boundary_fit import fitted_network
 from gcvec.boundary_color import color_samples, fit_boundary_colors, hard_edges
+from gcvec.boundary_fit import fitted_network
 from gcvec.canonical import lay_unfolded_foundation
 from gcvec.draft import Draft
-from gcvec.components import absorb_slivers
 from gcvec.localize import localized
 from gcvec.metrics import compare
 from gcvec.options import Options
@@ -41,7 +40,8 @@ def vectorize(
 ) -> VectorImage:
     """Vectorize a photo `(h, w, 3) uint8`.
 
-    Without annotations the regions are found automatically. `on_progress` hears of every stage and every refinement
+    Without annotations the regions are found automatically. `on_progress` hears of every stage and every
+    refinement
     iteration; an exception it raises ends the run. Raises `InputError` for regions that cannot be used.
     """
     options = options or Options()
@@ -72,7 +72,14 @@ def vectorize(
     draft = Draft(hard, regions.names, steps)
     refine = refine_paper if options.strategy == "paper" else refine_batch
     data, image = refine(
-        foundation, boundary_colors, pixels, draft, options.target_mse, options.max_points, tell.iteration, clock
+        foundation,
+        boundary_colors,
+        pixels,
+        draft,
+        options.target_mse,
+        options.max_points,
+        tell.iteration,
+        clock,
     )
     with clock.stage("evaluation"):
         report = compare(pixels, image, len(data))

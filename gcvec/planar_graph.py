@@ -1,11 +1,12 @@
 """Label map → planar graph: nodes, and arcs that two regions share (paper, end of section 4.2).
 
 The graph lives on the lattice of pixel corners. A *crack* is a lattice edge between two pixels of different
-labels; everything outside the image carries the label -1. A lattice point is a *node* when three or more cracks
-meet in it (three labels, a diagonal crossing, a border reaching the frame) or when it is a corner of
+labels; everything outside the image carries the label -1. A lattice point is a *node* when three or more
+cracks meet in it (three labels, a diagonal crossing, a border reaching the frame) or when it is a corner of
 the image. An *arc* runs along cracks from node to node, or closes on itself, and is stored once.
 
-Sides are as seen on the screen (x to the right, y down): whoever walks along an arc has `right` at the right hand.
+Sides are as seen on the screen (x to the right, y down): whoever walks along an arc has `right` at the right
+hand.
 """
 
 from __future__ import annotations
@@ -163,7 +164,8 @@ def _direction(a: NDArray[np.int32], b: NDArray[np.int32]) -> int:
 def _loops(arcs: tuple[Arc, ...], n_regions: int) -> tuple[tuple[tuple[tuple[int, bool], ...], ...], ...]:
     """Boundary loops of every region.
 
-    Where a region touches itself at a diagonal crossing, the walk stays at the same pixel, because regions are
+    Where a region touches itself at a diagonal crossing, the walk stays at the same pixel, because regions
+    are
     4-connected: the quadrant at the right hand of the arriving step is that of the leaving one.
     """
     leaving: dict[tuple[int, int], list[tuple[int, tuple[int, bool]]]] = {}
@@ -196,7 +198,8 @@ def _loops(arcs: tuple[Arc, ...], n_regions: int) -> tuple[tuple[tuple[tuple[int
             if len(candidates) == 1:
                 half = candidates[0][1]
             else:
-                # Right of an eastward arrival lies the south-west quadrant, which is right of a southward leave.
+                # Right of an eastward arrival lies the south-west quadrant, which is right of a southward
+                # leave.
                 turn = (arriving[half] + 1) % 4
                 half = next(h for d, h in candidates if d == turn)
         loops[region].append(tuple(loop))

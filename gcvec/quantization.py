@@ -13,7 +13,8 @@ from gcvec.boundary import Curve, Network, straight_line
 class Quantization:
     """Steps of a file, as it stores them.
 
-    Curve control points lie on a grid of 2^-`position_bits` pixels. `boundary_step` and `point_step` are the steps of colour
+    Curve control points lie on a grid of 2^-`position_bits` pixels. `boundary_step` and `point_step` are the
+    steps of colour
     differences on curves and at interior control points, in quarters of a 1/255 level.
     """
 
@@ -38,7 +39,8 @@ class Quantization:
 
 
 def rounded_network(network: Network, grid: float) -> Network:
-    """The network with control points on the grid of the file: what a decoder will see, so that the fit can count on it."""
+    """The network with control points on the grid of the file: what a decoder will see, so that the fit can
+    count on it."""
     return replace(network, curves=tuple(_rounded(c, grid) for c in network.curves))
 
 

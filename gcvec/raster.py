@@ -1,7 +1,8 @@
 """Triangles → pixels: exact box filtering of a piecewise linear picture.
 
-A pixel's value is the integral of the picture over the pixel's square. Over the part of a triangle inside the pixel a linear function
-integrates to its value at the part's centroid times the part's area; both come from clipping the triangle to the square.
+A pixel's value is the integral of the picture over the pixel's square. Over the part of a triangle inside
+the pixel a linear function integrates to its value at the part's centroid times the part's area; both come
+from clipping the triangle to the square.
 This is the one place that takes colours at vertices to pixels: fit, error and rendering all go through it.
 """
 
@@ -178,7 +179,8 @@ class Coverage:
         self.start, self.pixel, self.weights = _coverage(vertices, triangles, width, height)
 
     def matrix(self, corner_color: Ints, n_colors: int) -> sparse.csr_array:
-        """B `(pixels, n_colors)`: from the colours that the triangles' corners `(t, 3)` refer to, to pixels."""
+        """B `(pixels, n_colors)`: from the colours that the triangles' corners `(t, 3)` refer to, to
+        pixels."""
         triangle = np.repeat(np.arange(len(corner_color)), np.diff(self.start))
         columns = corner_color[triangle]
         rows = np.repeat(self.pixel, 3)
@@ -189,7 +191,8 @@ class Coverage:
 def paint(
     vertices: Floats, triangles: Ints, colors: Floats, corner_color: Ints, width: int, height: int
 ) -> Floats:
-    """The box-filtered picture `(height, width, c)` of triangles whose corners have `colors[corner_color]`."""
+    """The box-filtered picture `(height, width, c)` of triangles whose corners have
+    `colors[corner_color]`."""
     picture = _paint(vertices, triangles, np.ascontiguousarray(colors), corner_color, width, height)
     return np.asarray(picture).reshape(height, width, -1)
 

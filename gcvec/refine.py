@@ -1,7 +1,7 @@
 """Error-driven interior control points (paper, section 4.4), in batches.
 
-Each round fits all colours by least squares, equation (7), measures the picture, and puts new control points where they save most. One
-falling threshold serves all regions, so points go where they buy most.
+Each round fits all colours by least squares, equation (7), measures the picture, and puts new control points
+where they save most. One falling threshold serves all regions, so points go where they buy most.
 """
 
 from __future__ import annotations
@@ -107,7 +107,8 @@ class Refinement:
         on_step: Callable[[Step], None],
         clock: StageClock,
     ) -> None:
-        """`picture` is `(h, w, 3)` in [0, 1]; `max_points` bounds the points of one region, 0 lifts the bound."""
+        """`picture` is `(h, w, 3)` in [0, 1]; `max_points` bounds the points of one region, 0 lifts the
+        bound."""
         self.foundation = foundation
         self.points: Ints = np.zeros((0, 2), np.int64)
         self.colors = boundary_colors
@@ -206,7 +207,8 @@ class Refinement:
     def _lay_unfolded_canvas(self) -> None:
         """A canvas without fold-over.
 
-        Control points in triangles that turn over are taken out for good; triangles that turn over without one ask for
+        Control points in triangles that turn over are taken out for good; triangles that turn over without
+        one ask for
         parameter polygons closer to their curves.
         """
         while True:

@@ -1,7 +1,8 @@
 """Error-driven interior control points exactly as the paper inserts them (section 4.4), one at a time.
 
 Region by region: evaluate the region's pixels, make the worst of them a control point, mesh anew, solve all
-coordinates anew, fit all interior colours anew. Slow and simple, the measure of what `refine` does in batches.
+coordinates anew, fit all interior colours anew. Slow and simple, the measure of what `refine` does in
+batches.
 As in the paper a pixel counts by the colour at its centre, and the boundary keeps the colours of section 4.3.
 """
 
@@ -16,10 +17,10 @@ from scipy.sparse import linalg
 
 from gcvec import raster
 from gcvec.canonical import Canvas, Foundation
+from gcvec.draft import Draft
 from gcvec.drawing import folded
 from gcvec.mesh import Mesh, build_mesh
 from gcvec.patch import blend
-from gcvec.draft import Draft
 from gcvec.refine import Step
 from gcvec.selection import room
 from gcvec.timing import StageClock
@@ -155,7 +156,8 @@ class _Refinement:
 def fitted_colors(matrix: sparse.csr_array, boundary_colors: Floats, truth: Floats, wanted: Floats) -> Floats:
     """Equation (7), solved exactly, then limited to [0, 1]: colours `(m, 3)` of a region's points.
 
-    `matrix` is that of `at_pixel_centres`, `truth` `(p, 3)` the colours of its pixels, `wanted` `(m, 3)` is y*.
+    `matrix` is that of `at_pixel_centres`, `truth` `(p, 3)` the colours of its pixels, `wanted` `(m, 3)` is
+    y*.
     """
     n_boundary = len(boundary_colors)
     basis = matrix[:, n_boundary:]

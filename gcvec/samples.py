@@ -1,7 +1,8 @@
 """Boundary samples: the points at which curves meet meshes.
 
-Every curve is sampled at its knots and at evenly spaced parameters between them. A sample has a place in the parameter domain (on
-the polygon edge) and one in the image (on the curve); both are shared by the regions on either side.
+Every curve is sampled at its knots and at evenly spaced parameters between them. A sample has a place in the
+parameter domain (on the polygon edge) and one in the image (on the curve); both are shared by the regions on
+either side.
 """
 
 from __future__ import annotations

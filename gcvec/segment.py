@@ -63,7 +63,7 @@ def _basins(colours: _Colours, scale: int) -> NDArray[np.int32]:
 
 def _flooded(steepness: NDArray[np.float32], markers: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
     """Basins around the markers, else around every minimum; what is flat everywhere is one basin."""
-    basins = watershed(steepness, markers, connectivity=1)  # type: ignore[no-untyped-call]
+    basins = watershed(steepness, markers, connectivity=1)
     return np.maximum(np.asarray(basins, dtype=np.int32) - 1, 0)
 
 

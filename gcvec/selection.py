@@ -7,7 +7,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.canonical import Canvas, Foundation
-from gcvec.raster import Coverage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,10 +25,13 @@ CANDIDATES = 8
 def best_insertions(
     start: Ints, pixel: NDArray[np.int32], weights: Floats, residual: Floats
 ) -> tuple[Floats, Ints]:
-    """How much squared error a control point would save in each triangle, `(t,)`, and at which pixel (-1: none).
+    """How much squared error a control point would save in each triangle, `(t,)`, and at which pixel (-1:
+    none).
 
-    Inside a triangle a new point at barycentric coordinates q reaches out like the hat function min_k(b_k / q_k). The best
-    colour for it removes (Σ a r φ)² / Σ a φ² from the error, summed over the triangle's share `a` of each pixel.
+    Inside a triangle a new point at barycentric coordinates q reaches out like the hat function min_k(b_k /
+    q_k). The best
+    colour for it removes (Σ a r φ)² / Σ a φ² from the error, summed over the triangle's share `a` of each
+    pixel.
     """
     n = len(start) - 1
     gain = np.zeros(n)
@@ -85,7 +87,8 @@ def choose_points(
 ) -> Ints:
     """At most `wanted` new control points, most useful first, no two within two pixels of each other.
 
-    `patch`, `gain` and `where` belong to the drawn triangles. `max_points` bounds the points of a region, 0 lifts the bound.
+    `patch`, `gain` and `where` belong to the drawn triangles. `max_points` bounds the points of a region, 0
+    lifts the bound.
     """
     order = np.argsort(-gain)
     order = order[(where[order] >= 0) & (gain[order] > 0)]
@@ -156,8 +159,10 @@ def usefulness(
 ) -> Floats:
     """About how much squared error each control point `(n,)` saves.
 
-    Without the point its place would take the colour of a plane through its neighbours' colours, so the picture would change by that
-    difference times the point's hat function, whose squared sum over the pixels is `energy` `(n,)`. The control points are the
+    Without the point its place would take the colour of a plane through its neighbours' colours, so the
+    picture would change by that
+    difference times the point's hat function, whose squared sum over the pixels is `energy` `(n,)`. The
+    control points are the
     first n of `colors` `(k, 3)`, which `corner_color` `(t, 3)` gives to the corners of the `triangles`.
     """
     return np.asarray(_usefulness(vertices, triangles, np.ascontiguousarray(colors), corner_color, energy))
@@ -166,7 +171,8 @@ def usefulness(
 @njit(cache=True, nogil=True)
 def _usefulness(vertices, triangles, colors, corner_color, energy):
     n = len(energy)
-    # Weighted moments of the neighbours about the point: 1, x, y, xx, xy, yy, and of their colours: c, cx, cy.
+    # Weighted moments of the neighbours about the point: 1, x, y, xx, xy, yy, and of their colours: c, cx,
+    # cy.
     moments = np.zeros((n, 6))
     sums = np.zeros((n, 3, 3))
     for t in range(len(triangles)):

@@ -13,7 +13,8 @@ Floats = NDArray[np.float64]
 def snap_borders(labels: NDArray[np.int32], picture: Floats, band: float) -> NDArray[np.int32]:
     """The label map `(h, w) int32` with every border moved by at most `band` pixels onto the image's edges.
 
-    `picture` is `(h, w, 3)` in [0, 1]. Regions without a pixel outside the band keep the middle of theirs, so none is lost.
+    `picture` is `(h, w, 3)` in [0, 1]. Regions without a pixel outside the band keep the middle of theirs,
+    so none is lost.
     """
     if band <= 0 or labels.min() == labels.max():
         return labels

@@ -1,4 +1,5 @@
-"""The result: a picture made of generalized Coons patches, which renders, saves, loads and describes itself."""
+"""The result: a picture made of generalized Coons patches, which renders, saves, loads and describes
+itself."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ class VectorImage:
     points: Ints
     point_colors: Floats
     labels: tuple[str, ...]
-    quantization: Quantization = Quantization()
+    quantization: Quantization = field(default_factory=Quantization)
     control_points: Floats | None = None
     warnings: tuple[str, ...] = ()
     report: Report | None = field(default=None)
@@ -93,7 +94,8 @@ class VectorImage:
     def gouraud(self, scale: float = 1.0) -> tuple[Floats, Ints, Floats, Ints]:
         """The picture as triangles for output at `scale`.
 
-        Returns vertices `(v, 2)` in pixels of the picture, triangles `(t, 3)`, colours `(k, 3)` and the colour `(t, 3)` of each
+        Returns vertices `(v, 2)` in pixels of the picture, triangles `(t, 3)`, colours `(k, 3)` and the
+        colour `(t, 3)` of each
         triangle's corners; vertices on hard edges have several colours.
         """
         drawing = self.canvas.drawing(FLATNESS / scale)

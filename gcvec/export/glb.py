@@ -25,7 +25,9 @@ VERTICES, INDICES = 34962, 34963
 
 
 def glb(image: VectorImage) -> bytes:
-    """A GLB file of the picture in the plane z = 0, y up; its longer side has length 1 and its middle is the origin.
+    """A GLB file of the picture in the plane z = 0, y up, with its middle at the origin.
+
+    Its longer side has length 1.
 
     The positions in the file are pixels, which the node scales.
     """
@@ -113,7 +115,8 @@ def srgb(light: Floats) -> Floats:
 
 
 def subdivided(triangles: Triangles, tolerance: float = TOLERANCE) -> Triangles:
-    """The same picture with edges cut until interpolating along them in linear light errs by at most `tolerance`.
+    """The same picture with edges cut until interpolating along them in linear light errs by at most
+    `tolerance`.
 
     An edge that two triangles share is cut for both, also where their colours differ, so that no crack opens.
     """

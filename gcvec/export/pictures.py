@@ -16,11 +16,12 @@ OUTLINE, DOMAIN, VERTEX, POINT = (255, 64, 32), (64, 200, 255), (255, 255, 255),
 def error_map(pixels: NDArray[np.uint8], image: VectorImage) -> NDArray[np.uint8]:
     """Absolute error of every pixel and channel `(h, w, 3) uint8`, amplified eight times on black."""
     error = np.abs(image.render().astype(np.int64) - pixels)
-    return np.minimum(ERROR_GAIN * error, 255).astype(np.uint8)
+    return np.asarray(np.minimum(ERROR_GAIN * error, 255), np.uint8)
 
 
 def patch_overlay(image: VectorImage, scale: float = 1.0) -> NDArray[np.uint8]:
-    """The dimmed picture `(H, W, 3) uint8` under region outlines, parameter polygons, their vertices, and control points."""
+    """The dimmed picture `(H, W, 3) uint8` under region outlines, parameter polygons, their vertices, and
+    control points."""
     picture = Image.fromarray((image.render(scale) * 0.55).astype(np.uint8))
     pen = ImageDraw.Draw(picture)
     samples = image.foundation.samples

@@ -1,7 +1,7 @@
 """SVG: one path a patch, with its exact Bézier outline, filled with a raster of the patch's own colours.
 
-SVG has no gradient that could express the colours of a patch: outlines are vector, shading is sampled. Every patch is stroked
-thinly with its own colours, so that no background shows where anti-aliased neighbours meet.
+SVG has no gradient that could express the colours of a patch: outlines are vector, shading is sampled. Every
+patch is stroked thinly with its own colours, so that no background shows where anti-aliased neighbours meet.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gcvec import bspline
-from gcvec.boundary import Loop
+from gcvec.borders import Loop
 from gcvec.export.patch_rasters import PatchRaster, patch_rasters
 from gcvec.vector_image import VectorImage
 

@@ -94,9 +94,9 @@ def no_points() -> np.ndarray:
 
 def some_points(foundation: Foundation, n: int, seed: int = 0) -> np.ndarray:
     """At most n random pixels that may carry control points, by rows."""
-    from gcvec.refine import _room
+    from gcvec.selection import room
 
-    ys, xs = np.nonzero(_room(foundation))
+    ys, xs = np.nonzero(room(foundation))
     chosen = np.random.default_rng(seed).permutation(len(xs))[:n]
     points = np.stack([xs, ys], axis=1)[np.sort(chosen)]
     return points.astype(np.int64)
