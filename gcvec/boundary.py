@@ -39,7 +39,7 @@ class Curve:
     right: int
     start: int
     end: int
-    level: int = 0
+    level: int = 2
 
     @property
     def closed(self) -> bool:

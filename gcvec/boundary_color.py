@@ -165,7 +165,7 @@ def fit_boundary_colors(
     design = sparse.vstack([*rows, SMOOTHNESS**0.5 * _second_differences(network, space, offsets)]).tocsr()
     target = np.concatenate([*seen, np.zeros((design.shape[0] - sum(len(s) for s in seen), 3))])
     equations = NormalEquations(
-        design, sparse.eye_array(design.shape[0], format="csr"), np.full(space.size, 1e-6), design.T @ target
+        sparse.eye_array(space.size, format="csr"), design, np.full(space.size, 1e-6), design.T @ target
     )
     return solve_bounded(equations, np.full((space.size, 3), 0.5), 200, 1e-6)
 

@@ -24,12 +24,11 @@ class ColorFit:
     operator: sparse.csr_array
     corner_color: Ints
     to_pixels: sparse.csr_array
-    gram: sparse.csr_array
     target: Floats
 
     def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
         """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""
-        return NormalEquations(self.operator, self.gram, pull, self.target + pull[:, None] * prior)
+        return NormalEquations(self.operator, self.to_pixels, pull, self.target + pull[:, None] * prior)
 
     def picture(self, colors: Floats) -> Floats:
         """ŷ `(pixels, 3)`."""
@@ -41,5 +40,4 @@ def color_fit(canvas: Canvas, drawing: Drawing, coverage: Coverage, truth: Float
     """The fit of a canvas to the pixels `truth` `(pixels, 3)`."""
     operator, corner_color = canvas.operator(drawing)
     to_pixels = coverage.matrix(corner_color, operator.shape[0])
-    gram = (to_pixels.T @ to_pixels).tocsr()
-    return ColorFit(operator, corner_color, to_pixels, gram, operator.T @ (to_pixels.T @ truth))
+    return ColorFit(operator, corner_color, to_pixels, operator.T @ (to_pixels.T @ truth))

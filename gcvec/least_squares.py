@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
@@ -15,30 +16,55 @@ BOUND_SWEEPS = 6
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """N x = r with N = Rᵀ G R + diag(pull), positive definite, never multiplied out.
+    """N x = r with N = Rᵀ Bᵀ B R + diag(pull), positive definite, never multiplied out.
 
     operator  R `(k, n)`, from the unknowns to intermediate values
-    gram      G `(k, k)`, symmetric
+    design    B `(p, k)`, from those to the values that are fitted
     pull      `(n,)`, positive
-    right     r `(n, c)`
+    right     r `(n, 3)`
     """
 
     operator: sparse.csr_array
-    gram: sparse.csr_array
+    design: sparse.csr_array
     pull: Floats
     right: Floats
 
     def apply(self, x: Floats) -> Floats:
-        """N x for x `(n, c)`."""
-        product: Floats = self.operator.T @ (self.gram @ (self.operator @ x)) + self.pull[:, None] * x
-        return product
+        """N x for x `(n, 3)`."""
+        values = np.ascontiguousarray(self.operator @ x)
+        product = np.zeros_like(values)
+        _gram_product(self.design.indptr, self.design.indices, self.design.data, values, product)
+        back: Floats = self.operator.T @ product
+        return back + self.pull[:, None] * x
 
     def diagonal(self) -> Floats:
-        """Diagonal of N, but for the terms of G off its own diagonal: the preconditioner."""
+        """Diagonal of N, but for the terms of BᵀB off its own diagonal: the preconditioner."""
         squares = self.operator.copy()
         squares.data **= 2
-        diagonal: Floats = squares.T @ self.gram.diagonal() + self.pull
+        diagonal: Floats = squares.T @ energies(self.design) + self.pull
         return diagonal
+
+
+def energies(design: sparse.csr_array) -> Floats:
+    """Squared sum of every column: the diagonal of BᵀB."""
+    return np.bincount(design.indices, design.data**2, design.shape[1])
+
+
+@njit(cache=True, nogil=True)
+def _gram_product(indptr, indices, data, x, out):
+    """Add BᵀB x to `out`, for B in compressed rows and x `(k, 3)`, in one pass over B."""
+    for row in range(len(indptr) - 1):
+        red, green, blue = 0.0, 0.0, 0.0
+        for e in range(indptr[row], indptr[row + 1]):
+            weight, column = data[e], indices[e]
+            red += weight * x[column, 0]
+            green += weight * x[column, 1]
+            blue += weight * x[column, 2]
+        for e in range(indptr[row], indptr[row + 1]):
+            weight, column = data[e], indices[e]
+            out[column, 0] += weight * red
+            out[column, 1] += weight * green
+            out[column, 2] += weight * blue
 
 
 def solve(
@@ -48,11 +74,11 @@ def solve(
     tolerance: float,
     fixed: NDArray[np.bool_] | None = None,
 ) -> Floats:
-    """Preconditioned conjugate gradients from `start` `(n, c)`, all columns at once.
+    """Preconditioned conjugate gradients from `start` `(n, 3)`, all columns at once.
 
     Ends after `iterations`, or when every column's residual has fallen below `tolerance` of its right-hand
     side.
-    Unknowns where `fixed` `(n, c)` is set keep their start values.
+    Unknowns where `fixed` `(n, 3)` is set keep their start values.
     """
     scale = 1 / equations.diagonal()[:, None]
     moving = 1.0 if fixed is None else (~fixed).astype(np.float64)

@@ -166,6 +166,42 @@ def _paint(vertices, triangles, colors, corner_color, width, height):
     return picture
 
 
+@njit(cache=True, nogil=True)
+def _rows(start, pixel, weights, corner_color, n_pixels):
+    """Compressed rows, one a pixel, of the weights of colours, those of one colour added up."""
+    first = np.zeros(n_pixels + 1, np.int64)
+    for e in range(len(pixel)):
+        first[pixel[e] + 1] += 1
+    for p in range(n_pixels):
+        first[p + 1] += first[p]
+    by_pixel = np.empty(len(pixel), np.int64)
+    owner = np.empty(len(pixel), np.int32)
+    at = first[:-1].copy()
+    for t in range(len(start) - 1):
+        for e in range(start[t], start[t + 1]):
+            by_pixel[at[pixel[e]]] = e
+            owner[at[pixel[e]]] = t
+            at[pixel[e]] += 1
+    row_start = np.zeros(n_pixels + 1, np.int32)
+    columns = np.empty(3 * len(pixel), np.int32)
+    values = np.empty(3 * len(pixel))
+    n = 0
+    for p in range(n_pixels):
+        for i in range(first[p], first[p + 1]):
+            for k in range(3):
+                color = corner_color[owner[i], k]
+                j = row_start[p]
+                while j < n and columns[j] != color:
+                    j += 1
+                if j == n:
+                    columns[n] = color
+                    values[n] = 0.0
+                    n += 1
+                values[j] += weights[by_pixel[i], k]
+        row_start[p + 1] = n
+    return row_start, columns[:n].copy(), values[:n].copy()
+
+
 class Coverage:
     """Which triangles cover which pixels, and how: `(pixel, triangle, three corner weights)` entries.
 
@@ -181,11 +217,9 @@ class Coverage:
     def matrix(self, corner_color: Ints, n_colors: int) -> sparse.csr_array:
         """B `(pixels, n_colors)`: from the colours that the triangles' corners `(t, 3)` refer to, to
         pixels."""
-        triangle = np.repeat(np.arange(len(corner_color)), np.diff(self.start))
-        columns = corner_color[triangle]
-        rows = np.repeat(self.pixel, 3)
-        shape = (self.width * self.height, n_colors)
-        return sparse.coo_array((self.weights.ravel(), (rows, columns.ravel())), shape=shape).tocsr()
+        n_pixels = self.width * self.height
+        start, columns, values = _rows(self.start, self.pixel, self.weights, corner_color, n_pixels)
+        return sparse.csr_array((values, columns, start), shape=(n_pixels, n_colors))
 
 
 def paint(

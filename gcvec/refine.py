@@ -16,7 +16,7 @@ from gcvec.canonical import Canvas, Foundation, lay_canvas, refined_domains
 from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import Draft, measured_mse
 from gcvec.drawing import Drawing
-from gcvec.least_squares import solve, solve_bounded
+from gcvec.least_squares import energies, solve, solve_bounded
 from gcvec.raster import Coverage
 from gcvec.selection import best_insertions, choose_points, room, usefulness
 from gcvec.timing import StageClock
@@ -44,8 +44,8 @@ DROPPED = 0.15
 
 RETRIES = 4
 
-ROUND_ITERATIONS = 12
-FINAL_ITERATIONS = 60
+ROUND_ITERATIONS = 8
+FINAL_ITERATIONS = 24
 """Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit."""
 
 
@@ -154,7 +154,7 @@ class Refinement:
         """Take out the given share of the control points: those whose loss costs least."""
         with self._clock.stage("evaluation"):
             values = self._fit.operator @ self.colors
-            energy = self._fit.gram.diagonal()[: len(self.points)]
+            energy = energies(self._fit.to_pixels)[: len(self.points)]
             use = usefulness(
                 self._drawing.image, self._drawing.triangles, values, self._fit.corner_color, energy
             )

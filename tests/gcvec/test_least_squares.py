@@ -23,7 +23,7 @@ def problem(seed: int, stretch: float) -> tuple[np.ndarray, np.ndarray, NormalEq
     right = np.vstack([target, np.full((n, 3), PULL**0.5 * 0.5)])
     equations = NormalEquations(
         sparse.csr_array(inner),
-        sparse.csr_array(outer.T @ outer),
+        sparse.csr_array(outer),
         np.full(n, PULL),
         inner.T @ (outer.T @ target) + PULL * 0.5,
     )
@@ -49,13 +49,23 @@ def test_bounded_solution_is_scipys(seed: int, stretch: float) -> None:
         np.testing.assert_allclose(x[:, c], exact.x, atol=1e-5)
 
 
+def test_apply_is_the_product_of_the_factors() -> None:
+    rng = np.random.default_rng(4)
+    operator, design = rng.uniform(size=(7, 4)), np.where(rng.uniform(size=(20, 7)) < 0.4, 1.5, 0)
+    pull, x = rng.uniform(size=4), rng.normal(size=(4, 3))
+    equations = NormalEquations(sparse.csr_array(operator), sparse.csr_array(design), pull, np.zeros((4, 3)))
+    full = operator.T @ design.T @ design @ operator + np.diag(pull)
+    np.testing.assert_allclose(equations.apply(x), full @ x)
+
+
 def test_diagonal_is_exact_where_the_gram_matrix_is_diagonal() -> None:
     rng = np.random.default_rng(1)
-    operator = sparse.csr_array(rng.uniform(size=(7, 4)))
+    operator, scale = rng.uniform(size=(7, 4)), rng.uniform(size=7)
     equations = NormalEquations(
-        operator, sparse.diags_array(rng.uniform(size=7)).tocsr(), rng.uniform(size=4), np.zeros((4, 1))
+        sparse.csr_array(operator), sparse.diags_array(scale).tocsr(), rng.uniform(size=4), np.zeros((4, 3))
     )
-    np.testing.assert_allclose(equations.diagonal(), np.diag(equations.apply(np.eye(4))))
+    full = operator.T @ np.diag(scale**2) @ operator + np.diag(equations.pull)
+    np.testing.assert_allclose(equations.diagonal(), np.diag(full))
 
 
 def test_fixed_unknowns_keep_their_values() -> None:
