@@ -17,7 +17,7 @@ from gcvec.planar_graph import OUTSIDE
 
 Floats = NDArray[np.float64]
 
-DISTANCE = 0.5
+DISTANCE = 0.4
 """Largest distance of a curve from the mid-points of the cracks it follows, pixels."""
 
 SEGMENT_LENGTH = 24.0

@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 REACH = 2.5
 """The profile is read this far to either side, pixels."""
 
-PASSES = 2
-LARGEST_SHIFT = 0.8
+PASSES = 3
+LARGEST_SHIFT = 1.5
 """No sample moves further than this, pixels."""
 
 LEAST_STEP = 0.06
@@ -40,7 +40,7 @@ def localized(found: Borders, picture: Floats) -> Borders:
     """Borders with their samples and nodes on the photo's steps. `picture` is `(h, w, 3)` in [0, 1]."""
     nodes = found.nodes
     moved = list(found.borders)
-    for _ in range(PASSES):
+    for number in range(PASSES):
         pulls = _NodePulls(len(nodes))
         for k, border in enumerate(moved):
             if border.on_frame or len(border.samples) < 5:
@@ -48,7 +48,9 @@ def localized(found: Borders, picture: Floats) -> Borders:
             inner = border.samples[:-1] if border.closed else border.samples[1:-1]
             normals = _normals(border)
             shift, trust = _shifts(picture, inner, normals)
-            shift = _smoothed(shift, trust, border.closed)
+            # The first pass takes out the staircase of the label map, sample by sample.
+            if number > 0:
+                shift = _smoothed(shift, trust, border.closed)
             placed = inner + shift[:, None] * normals
             origin = found.borders[k].samples
             origin = origin[:-1] if border.closed else origin[1:-1]

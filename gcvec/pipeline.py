@@ -49,7 +49,7 @@ def vectorize(
     clock = StageClock()
     height, width = pixels.shape[:2]
     picture = pixels / 255.0
-    steps = Quantization()
+    steps = Quantization.for_error(options.target_mse)
     tell = _Teller(on_progress, options.target_mse)
 
     tell.stage("regions", 0.01)

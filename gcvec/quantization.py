@@ -22,6 +22,12 @@ class Quantization:
     boundary_step: int = 16
     point_step: int = 16
 
+    @classmethod
+    def for_error(cls, target_mse: float) -> Quantization:
+        """Steps whose rounding takes a small share of a mean squared error (0-255 scale)."""
+        step = int(np.clip(round(16 * (target_mse / 5) ** 0.5), 2, 64))
+        return cls(boundary_step=step, point_step=step)
+
     @property
     def grid(self) -> float:
         """Grid of curve control points, pixels."""

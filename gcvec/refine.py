@@ -31,7 +31,7 @@ POINT_WEIGHT = 0.1
 BOUNDARY_WEIGHT = 0.05
 """Pull of a boundary colour towards its first estimate (section 4.3)."""
 
-GROWTH = 0.2
+GROWTH = 0.4
 FIRST_POINTS = 1 / 1500
 """A round adds this share of the points there are, and this many a pixel on top."""
 
