@@ -1,0 +1,200 @@
+"""Whole pictures, from pixels and polygons to a vector image."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
+from gcvec.metrics import compare
+from tests.gcvec.scenes import labels_of, picture_of, voronoi
+
+
+def shapes_of(labels: np.ndarray) -> Annotations:
+    """Every region as a mask, as annotators' brushes make them."""
+    shapes = []
+    for k in range(int(labels.max()) + 1):
+        ys, xs = np.nonzero(labels == k)
+        x, y = int(xs.min()), int(ys.min())
+        mask = labels[y : ys.max() + 1, x : xs.max() + 1] == k
+        shapes.append(Shape(label=f"region {k}", mask=mask, offset=(x, y)))
+    return Annotations(shapes=tuple(shapes))
+
+
+@cache
+def vectorized(scene: str, target_mse: float = 5.0) -> VectorImage:
+    labels = labels_of(scene)
+    return vectorize(picture_of(labels), shapes_of(labels), Options(target_mse=target_mse))
+
+
+def assert_sound(image: VectorImage, pixels: np.ndarray) -> None:
+    """No fold-over, the reported figures are those of the picture that it draws, every pixel is somebody's."""
+    assert image.foldovers == 0
+    report = image.report
+    assert report is not None
+    rendered = image.render()
+    assert rendered.shape == pixels.shape
+    assert report.mse == pytest.approx(((rendered.astype(float) - pixels) ** 2).mean(), abs=0.05)
+    assert report.mae == pytest.approx(np.abs(rendered.astype(float) - pixels).mean(), abs=0.05)
+    assert report.bytes == len(image.to_bytes())
+    assert report.points == len(image.points) == sum(region.points for region in report.regions)
+    assert report.patches == len(image.patches) == len(report.regions)
+    assert report.foldovers == 0
+    again = compare(pixels, VectorImage.from_bytes(image.to_bytes()), report.bytes)
+    assert (again.mse, again.ssim) == pytest.approx((report.mse, report.ssim))
+
+
+@pytest.mark.parametrize("scene", ["pixel", "whole", "ring", "quadrants", "diagonal", "stripes", "voronoi"])
+def test_made_scenes_reach_their_error(scene: str) -> None:
+    image = vectorized(scene)
+    assert_sound(image, picture_of(labels_of(scene)))
+    assert image.report is not None
+    if scene != "stripes":  # whose slivers the partition gives away
+        assert image.report.mse <= 5.5
+
+
+def test_smooth_regions_need_few_points() -> None:
+    """Four linear gradients: straight hard borders and linear colours hold all of it."""
+    image = vectorized("quadrants")
+    assert len(image.patches) == 4
+    assert len(image.points) < 100
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (2, 1), (1, 7), (3, 3), (257, 1), (16, 16), (65, 300)])
+def test_small_and_odd_sizes(width: int, height: int) -> None:
+    y, x = np.mgrid[:height, :width]
+    pixels = np.stack([x % 256, y % 256, (x + y) % 256], axis=-1).astype(np.uint8)
+    image = vectorize(pixels)
+    assert_sound(image, pixels)
+
+
+def test_region_of_three_pixels_joins_its_neighbour_with_a_warning() -> None:
+    pixels = np.full((30, 40, 3), 90, np.uint8)
+    pixels[10, 10:13] = 200
+    annotations = Annotations(
+        shapes=(
+            Shape(label="large", rings=(np.array([(2.0, 2), (38, 2), (38, 28), (2, 28)]),)),
+            Shape(label="tiny", rings=(np.array([(10.0, 10), (13, 10), (13, 11), (10, 11)]),), z_order=1),
+        )
+    )
+    image = vectorize(pixels, annotations)
+    assert_sound(image, pixels)
+    assert "tiny" not in image.patches
+    assert image.warnings
+
+
+@pytest.mark.slow
+def test_three_hundred_regions() -> None:
+    labels = voronoi(240, 320, 300, 9)
+    pixels = picture_of(labels)
+    image = vectorize(pixels, shapes_of(labels))
+    assert_sound(image, pixels)
+    assert len(image.patches) > 250
+
+
+def test_flat_picture_needs_no_points() -> None:
+    pixels = np.full((50, 60, 3), (12, 200, 99), np.uint8)
+    image = vectorize(pixels)
+    assert_sound(image, pixels)
+    assert len(image.points) == 0
+    np.testing.assert_array_equal(image.render(), pixels)
+    np.testing.assert_array_equal(image.render(0.5), pixels[:25, :30])
+
+
+def noise(height: int = 40, width: int = 50) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("most", [1, 30])
+def test_points_of_each_region_are_bounded(most: int) -> None:
+    labels = (np.mgrid[:40, :50][1] >= 25).astype(np.int32)
+    image = vectorize(noise(), shapes_of(labels), Options(max_points=most))
+    assert_sound(image, noise())
+    assert image.report is not None
+    assert all(0 < region.points <= most for region in image.report.regions)
+
+
+def test_a_region_at_its_bound_does_not_spend_the_others_points() -> None:
+    """Noise beside a gradient: once the noise may have no more points, the gradient gets none for its sake."""
+    labels = (np.mgrid[:64, :128][1] >= 64).astype(np.int32)
+    pixels = picture_of(labels)
+    pixels[:, :64] = noise(64, 64)
+    image = vectorize(pixels, shapes_of(labels), Options(max_points=200))
+    assert image.report is not None
+    textured, smooth = (region.points for region in image.report.regions)
+    assert textured == 200
+    assert smooth < 100
+
+
+def test_noise_without_a_bound_ends() -> None:
+    image = vectorize(noise(), None, Options(max_points=0))
+    assert_sound(image, noise())
+
+
+def test_progress_tells_every_iteration_and_never_falls() -> None:
+    labels = labels_of("ring")
+    pixels = np.clip(picture_of(labels).astype(int) + noise(*labels.shape) // 16, 0, 255).astype(np.uint8)
+    told: list[Progress] = []
+    image = vectorize(pixels, shapes_of(labels), Options(target_mse=8), told.append)
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    assert fractions[0] > 0
+    assert fractions[-1] == 1
+    assert list(dict.fromkeys(p.phase for p in told)) == ["regions", "boundary", "mesh", "refine", "encode"]
+    rounds = [p for p in told if p.phase == "refine"]
+    assert [p.iteration for p in rounds] == list(range(1, len(rounds) + 1))
+    assert len(rounds) > 3
+    assert [p.points for p in rounds] == sorted(p.points for p in rounds)
+    errors = [p.mse for p in rounds if p.mse is not None]
+    assert errors[-1] < errors[0]
+    assert told[-1].points == len(image.points)
+    assert all(p.regions == len(image.patches) for p in rounds)
+
+
+class Cancelled(Exception):
+    pass
+
+
+@pytest.mark.parametrize("phase", ["boundary", "refine"])
+def test_an_exception_in_the_callback_ends_the_run(phase: str) -> None:
+    told: list[Progress] = []
+
+    def cancel(progress: Progress) -> None:
+        told.append(progress)
+        if progress.phase == phase:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        vectorize(noise(), None, Options(), cancel)
+    assert told[-1].phase == phase
+
+
+def test_annotations_beside_the_picture_are_refused() -> None:
+    far = Shape(label="far", rings=(np.array([(900.0, 900), (950, 900), (950, 950)]),))
+    with pytest.raises(InputError):
+        vectorize(noise(), Annotations(shapes=(far,)))
+
+
+def test_same_input_same_file() -> None:
+    labels = labels_of("voronoi")
+    again = vectorize(picture_of(labels), shapes_of(labels))
+    assert again.to_bytes() == vectorized("voronoi").to_bytes()
+
+
+def test_scaled_picture_averages_to_the_original_size() -> None:
+    """Box filtering at 2 and then over 2 x 2 is box filtering at 1."""
+    image = vectorized("voronoi")
+    double = image.render(2.0).astype(float)
+    halved = double.reshape(image.height, 2, image.width, 2, 3).mean(axis=(1, 3))
+    assert np.abs(halved - image.render()).max() <= 2
+    assert np.abs(halved - image.render()).mean() < 0.5
+
+
+def test_raw_rendering_samples_pixel_centres() -> None:
+    image = vectorized("quadrants")
+    raw = image.render(raw=True).astype(int)
+    assert raw.shape == (image.height, image.width, 3)
+    inside = np.s_[5:60, 5:70]
+    assert np.abs(raw[inside] - image.render()[inside]).max() <= 2
