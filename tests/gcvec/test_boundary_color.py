@@ -11,14 +11,15 @@ from gcvec.boundary_color import ColorSamples, color_samples, fit_boundary_color
 from gcvec.boundary_fit import fitted_network
 from gcvec.color_space import LEFT, RIGHT, color_space
 from gcvec.planar_graph import OUTSIDE, planar_graph
-from tests.gcvec.scenes import labels_of
+from gcvec.quantization import Quantization
+from tests.gcvec.scenes import SCENES
 
 RED, BLUE = np.array([0.8, 0.2, 0.1]), np.array([0.1, 0.3, 0.9])
 
 
 def fitted(labels: np.ndarray) -> tuple[Network, ColorSamples]:
     traced = borders(planar_graph(labels), labels.shape[1], labels.shape[0])
-    network = fitted_network(traced, traced)
+    network = fitted_network(traced, traced, Quantization().grid)
     return network, color_samples(network)
 
 
@@ -66,7 +67,7 @@ def test_texture_across_a_border_of_equal_means_is_a_soft_edge() -> None:
 
 @pytest.mark.parametrize("scene", ["ring", "voronoi"])
 def test_samples_lie_a_pixel_apart_with_normals_to_the_right(scene: str) -> None:
-    labels = labels_of(scene)
+    labels = SCENES[scene].labels
     network, samples = fitted(labels)
     np.testing.assert_allclose(np.hypot(*samples.normal.T), 1, atol=1e-9)
     height, width = labels.shape
@@ -90,7 +91,7 @@ def colors_along(labels: np.ndarray, picture: np.ndarray, hard: np.ndarray | Non
 
 def blurred_disc() -> tuple[np.ndarray, np.ndarray]:
     """An anti-aliased disc: the pixels on its border show a mixture."""
-    labels = labels_of("ring")
+    labels = SCENES["ring"].labels
     labels = np.asarray(labels == 1, np.int32) + np.asarray(labels == 2, np.int32)
     y, x = np.mgrid[: labels.shape[0], : labels.shape[1]]
     share = np.clip(90.5 - np.hypot(x + 0.5 - 112, y + 0.5 - 98), 0, 1)[..., None]
