@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from gcvec import Annotations, Shape
 from gcvec.borders import borders
@@ -50,10 +51,11 @@ class Scene:
     def annotations(self) -> Annotations:
         """Every region as a mask, as annotators' brushes make them."""
         shapes = []
-        for k in range(int(self.labels.max()) + 1):
-            ys, xs = np.nonzero(self.labels == k)
+        labels = self.labels
+        for k in range(int(labels.max()) + 1):
+            ys, xs = np.nonzero(labels == k)
             x, y = int(xs.min()), int(ys.min())
-            mask = self.labels[y : ys.max() + 1, x : xs.max() + 1] == k
+            mask = labels[y : ys.max() + 1, x : xs.max() + 1] == k
             shapes.append(Shape(label=f"region {k}", mask=mask, offset=(x, y)))
         return Annotations(shapes=tuple(shapes))
 
@@ -96,17 +98,8 @@ def _stripes() -> np.ndarray:
 
 def voronoi(height: int, width: int, n: int, seed: int) -> Scene:
     """Nearest of n random sites: straight borders at every angle."""
-    sites = np.random.default_rng(seed).uniform(0, [width, height], (n, 2))
-
-    def owner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        best, nearest = np.full(x.shape, np.inf), np.zeros(x.shape, int)
-        for k, (sx, sy) in enumerate(sites):
-            distance = (x - sx) ** 2 + (y - sy) ** 2
-            nearest[distance < best] = k
-            best = np.minimum(best, distance)
-        return nearest
-
-    return Scene(height, width, owner)
+    sites = KDTree(np.random.default_rng(seed).uniform(0, [width, height], (n, 2)))
+    return Scene(height, width, lambda x, y: sites.query(np.stack([x, y], axis=-1))[1])
 
 
 SCENES = {
