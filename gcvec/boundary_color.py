@@ -29,6 +29,9 @@ SMOOTHNESS = 0.02
 
 SAMPLE_SPACING = 1.0
 
+OFFSETS = (0.5, 1.0, 1.5, 2.0)
+"""How far off a curve its own side's colour is looked for, pixels."""
+
 
 @dataclass(frozen=True)
 class ColorSamples:
@@ -149,8 +152,7 @@ def fit_boundary_colors(
     rows, seen = [], []
     for side, outward in ((RIGHT, 1.0), (LEFT, -1.0)):
         region = sides[samples.curve, side]
-        at = _pixel(samples.position + 0.5 * outward * samples.normal, labels.shape)
-        own = np.where(labels[at] == region, inward[at], at[0] * labels.shape[1] + at[1])
+        own = inward[_own_pixel(samples, outward, region, labels)]
         on_curve = ndimage.map_coordinates
         soft = np.stack(
             [
@@ -168,6 +170,21 @@ def fit_boundary_colors(
         sparse.eye_array(space.size, format="csr"), design, np.full(space.size, 1e-6), design.T @ target
     )
     return solve_bounded(equations, np.full((space.size, 3), 0.5), 200, 1e-6)
+
+
+def _own_pixel(
+    samples: ColorSamples, outward: float, region: Ints, labels: NDArray[np.int32]
+) -> tuple[Ints, Ints]:
+    """The first pixel of its own region that each sample meets on its way off the curve.
+
+    A curve may run a pixel or so beside the label map's border. Where no such pixel is near, the last one tried.
+    """
+    y, x = _pixel(samples.position + OFFSETS[0] * outward * samples.normal, labels.shape)
+    for offset in OFFSETS[1:]:
+        astray = labels[y, x] != region
+        further = _pixel(samples.position + offset * outward * samples.normal, labels.shape)
+        y, x = np.where(astray, further[0], y), np.where(astray, further[1], x)
+    return y, x
 
 
 def _basis_through_curves(network: Network, samples: ColorSamples, offsets: Ints) -> tuple[Ints, Floats]:

@@ -142,6 +142,7 @@ class Refinement:
                     self._blocked,
                     int(wanted),
                     self._max_points,
+                    self._finished(target_mse),
                 )
             if not len(new):
                 return False
@@ -149,6 +150,19 @@ class Refinement:
             self.colors = np.concatenate([self.colors, self._picture[new[:, 1], new[:, 0]]])
             self._update()
         return True
+
+    def _finished(self, target_mse: float) -> NDArray[np.bool_]:
+        """Regions that want no more points: once some have reached their bound, those within the target.
+
+        What the others lack cannot be made up for there, however many points are spent.
+        """
+        owner = self.foundation.geometry.patch_at().ravel()
+        n = len(self.foundation.network.loops)
+        count = np.bincount(self._canvas.patch_of_points(), minlength=n)
+        if not self._max_points or count.max() < self._max_points:
+            return np.zeros(n, bool)
+        square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
+        return np.asarray(square <= target_mse * np.bincount(owner, minlength=n))
 
     def drop_least_useful(self, share: float) -> None:
         """Take out the given share of the control points: those whose loss costs least."""

@@ -84,11 +84,12 @@ def choose_points(
     blocked: NDArray[np.bool_],
     wanted: int,
     max_points: int,
+    finished: NDArray[np.bool_],
 ) -> Ints:
     """At most `wanted` new control points, most useful first, no two within two pixels of each other.
 
     `patch`, `gain` and `where` belong to the drawn triangles. `max_points` bounds the points of a region, 0
-    lifts the bound.
+    lifts the bound; regions that are `finished` get none.
     """
     order = np.argsort(-gain)
     order = order[(where[order] >= 0) & (gain[order] > 0)]
@@ -103,6 +104,7 @@ def choose_points(
     taken = canvas.mesh.vertices[canvas.mesh.n_samples : canvas.mesh.first_free].astype(np.int64)
     count = np.bincount(canvas.patch_of_points(), minlength=len(canvas.foundation.network.loops))
     limit = max_points or width * height
+    count[finished] = limit
     return np.asarray(_pick(in_domain[fits], patch[order][fits], blocked, taken, count, limit, wanted))
 
 

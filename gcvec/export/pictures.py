@@ -31,7 +31,7 @@ def patch_overlay(image: VectorImage, scale: float = 1.0) -> NDArray[np.uint8]:
         u = np.linspace(0, curve.segments, 8 * curve.segments + 1)
         points = bspline.evaluate(curve.control_points, u, curve.closed) * scale
         pen.line([tuple(p) for p in points], fill=OUTLINE)
-    radius = max(0.5, 0.6 * scale)
+    radius = max(0.5, 0.3 * scale)
     places = image.canvas.places[: len(image.points)]
     for marks, color in ((places, POINT), (samples.domain[np.unique(samples.edge_ends)], VERTEX)):
         for x, y in marks * scale:

@@ -2,32 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from scipy.spatial import KDTree
 
+from gcvec import Annotations, Shape
 from gcvec.borders import borders
 from gcvec.boundary_fit import fitted_network
 from gcvec.canonical import Foundation, lay_unfolded_foundation
 from gcvec.components import connected_components
 from gcvec.planar_graph import planar_graph
+from gcvec.quantization import Quantization
+from gcvec.selection import room
+
+FINE = 8
+"""Samples a pixel, along each axis, of an anti-aliased picture."""
 
 
-def _disc(shape: tuple[int, int], centre: tuple[float, float], radius: float) -> np.ndarray:
-    y, x = np.mgrid[: shape[0], : shape[1]]
-    return np.asarray(np.hypot(x + 0.5 - centre[0], y + 0.5 - centre[1]) < radius)
+@dataclass(frozen=True)
+class Scene:
+    """Regions as a function of the place, `owner(x, y)`, in pixels."""
+
+    height: int
+    width: int
+    owner: Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+    @property
+    def labels(self) -> np.ndarray:
+        """Owners at pixel centres, `(h, w) int32`, 4-connected components numbered from 0."""
+        y, x = np.mgrid[: self.height, : self.width] + 0.5
+        return connected_components(np.asarray(self.owner(x, y), np.int32))
+
+    def picture(self, seed: int = 0) -> np.ndarray:
+        """Every owner in a colour and a gradient of its own, anti-aliased: `(h, w, 3) uint8`."""
+        y, x = (np.mgrid[: self.height * FINE, : self.width * FINE] + 0.5) / FINE
+        owner = np.asarray(self.owner(x, y))
+        rng = np.random.default_rng(seed)
+        n = int(owner.max()) + 1
+        color, slope = rng.uniform(40, 215, (n, 3)), rng.uniform(-30, 30, (n, 2, 3))
+        xy = np.stack([x / self.width, y / self.height], axis=-1) - 0.5
+        fine = color[owner] + (xy[..., None] * slope[owner]).sum(axis=2)
+        blocks = fine.reshape(self.height, FINE, self.width, FINE, 3).mean(axis=(1, 3))
+        return np.asarray(np.clip(blocks, 0, 255) + 0.5).astype(np.uint8)
+
+    def annotations(self) -> Annotations:
+        """Every region as a mask, as annotators' brushes make them."""
+        shapes = []
+        labels = self.labels
+        for k in range(int(labels.max()) + 1):
+            ys, xs = np.nonzero(labels == k)
+            x, y = int(xs.min()), int(ys.min())
+            mask = labels[y : ys.max() + 1, x : xs.max() + 1] == k
+            shapes.append(Shape(label=f"region {k}", mask=mask, offset=(x, y)))
+        return Annotations(shapes=tuple(shapes))
 
 
-def _ring() -> np.ndarray:
-    labels = np.zeros((200, 220), np.int32)
-    labels[_disc(labels.shape, (112, 98), 90)] = 1
-    labels[_disc(labels.shape, (120, 90), 20)] = 2
-    return labels
+def drawn(labels: np.ndarray) -> Scene:
+    """The scene with borders along pixels, as in a label map."""
+    height, width = labels.shape
+    return Scene(height, width, lambda x, y: labels[y.astype(int), x.astype(int)])
 
 
-def _quadrants() -> np.ndarray:
-    y, x = np.mgrid[:150, :170]
-    return np.asarray((x >= 82) + 2 * (y >= 70), np.int32)
+def _ring(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    outer, inner = np.hypot(x - 112, y - 98) < 90, np.hypot(x - 120, y - 90) < 20
+    return outer.astype(int) + (outer & inner)
+
+
+def _quadrants(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return (x >= 82).astype(int) + 2 * (y >= 70)
 
 
 def _diagonal() -> np.ndarray:
@@ -51,39 +96,30 @@ def _stripes() -> np.ndarray:
     return labels
 
 
-def voronoi(height: int, width: int, n: int, seed: int) -> np.ndarray:
+def voronoi(height: int, width: int, n: int, seed: int) -> Scene:
     """Nearest of n random sites: straight borders at every angle."""
-    rng = np.random.default_rng(seed)
-    sites = rng.uniform(0, [width, height], (n, 2))
-    y, x = np.mgrid[:height, :width]
-    distance = np.hypot(x[..., None] + 0.5 - sites[:, 0], y[..., None] + 0.5 - sites[:, 1])
-    return connected_components(distance.argmin(axis=2).astype(np.int32))
+    sites = KDTree(np.random.default_rng(seed).uniform(0, [width, height], (n, 2)))
+    return Scene(height, width, lambda x, y: sites.query(np.stack([x, y], axis=-1))[1])
 
 
-_LABELS = {
-    "pixel": lambda: np.zeros((1, 1), np.int32),
-    "whole": lambda: np.zeros((13, 300), np.int32),
-    "ring": _ring,
-    "quadrants": _quadrants,
-    "diagonal": _diagonal,
-    "stripes": _stripes,
-    "voronoi": lambda: voronoi(70, 90, 25, 4),
+SCENES = {
+    "pixel": drawn(np.zeros((1, 1), np.int32)),
+    "whole": drawn(np.zeros((13, 300), np.int32)),
+    "ring": Scene(200, 220, _ring),
+    "quadrants": Scene(150, 170, _quadrants),
+    "diagonal": drawn(_diagonal()),
+    "stripes": drawn(_stripes()),
+    "voronoi": voronoi(70, 90, 25, 4),
 }
-SCENES = tuple(_LABELS)
-
-
-def labels_of(scene: str) -> np.ndarray:
-    """The scene's label map: `(h, w) int32`, regions 0..n-1, each 4-connected."""
-    return connected_components(_LABELS[scene]())
 
 
 @cache
 def foundation_of(scene: str) -> Foundation:
     """Curves, domains and S of a scene; every inner border hard."""
-    labels = labels_of(scene)
+    labels = SCENES[scene].labels
     height, width = labels.shape
     traced = borders(planar_graph(labels), width, height)
-    network = fitted_network(traced, traced)
+    network = fitted_network(traced, traced, Quantization().grid)
     hard = np.array([not curve.on_frame for curve in network.curves])
     return lay_unfolded_foundation(network, hard)
 
@@ -94,20 +130,6 @@ def no_points() -> np.ndarray:
 
 def some_points(foundation: Foundation, n: int, seed: int = 0) -> np.ndarray:
     """At most n random pixels that may carry control points, by rows."""
-    from gcvec.selection import room
-
     ys, xs = np.nonzero(room(foundation))
     chosen = np.random.default_rng(seed).permutation(len(xs))[:n]
-    points = np.stack([xs, ys], axis=1)[np.sort(chosen)]
-    return points.astype(np.int64)
-
-
-def picture_of(labels: np.ndarray, seed: int = 0) -> np.ndarray:
-    """Every region in a colour and a gradient of its own, `(h, w, 3) uint8`."""
-    rng = np.random.default_rng(seed)
-    n = int(labels.max()) + 1
-    color, slope = rng.uniform(40, 215, (n, 3)), rng.uniform(-30, 30, (n, 2, 3))
-    y, x = np.mgrid[: labels.shape[0], : labels.shape[1]]
-    xy = np.stack([x / labels.shape[1], y / labels.shape[0]], axis=-1) - 0.5
-    picture = color[labels] + np.einsum("hwd,hwdc->hwc", xy, slope[labels])
-    return np.asarray(np.clip(picture, 0, 255) + 0.5).astype(np.uint8)
+    return np.stack([xs, ys], axis=1)[np.sort(chosen)].astype(np.int64)

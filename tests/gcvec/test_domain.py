@@ -25,7 +25,10 @@ from gcvec.domain import (
 )
 from gcvec.localize import localized
 from gcvec.planar_graph import planar_graph
-from tests.gcvec.scenes import SCENES, foundation_of, labels_of, picture_of
+from gcvec.quantization import Quantization
+from tests.gcvec.scenes import SCENES, drawn, foundation_of
+
+GRID = Quantization().grid
 
 
 def polygons(network: Network) -> list[shapely.Polygon]:
@@ -59,7 +62,7 @@ def test_polygons_tile_the_picture(scene: str) -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_polygons_have_about_the_area_of_their_regions(scene: str) -> None:
-    labels = labels_of(scene)
+    labels = SCENES[scene].labels
     for k, polygon in enumerate(polygons(foundation_of(scene).network)):
         pixels = labels == k
         assert abs(polygon.area - pixels.sum()) <= 0.5 * polygon.length
@@ -76,11 +79,11 @@ def test_any_label_map_ends_without_crossings(owners: np.ndarray) -> None:
     labels = connected_components(owners)
     height, width = labels.shape
     traced = borders(planar_graph(labels), width, height)
-    assert_tiling(fitted_network(traced, traced))
+    assert_tiling(fitted_network(traced, traced, GRID))
     noise = np.random.default_rng(owners.sum()).uniform(0, 1, (height, width, 3))
-    assert_tiling(fitted_network(traced, localized(traced, noise)))
-    clean = (picture_of(labels) / 255).astype(np.float64)
-    assert_tiling(fitted_network(traced, localized(traced, clean)))
+    assert_tiling(fitted_network(traced, localized(traced, noise), GRID))
+    clean = drawn(labels).picture() / 255
+    assert_tiling(fitted_network(traced, localized(traced, clean), GRID))
 
 
 def line(*points: tuple[float, float], left: int = 0, right: int = 1) -> Curve:
@@ -149,7 +152,7 @@ def test_closed_curves_have_at_least_three_edges() -> None:
 
 
 def test_network_of_a_disc_shares_one_curve() -> None:
-    labels = labels_of("ring")
+    labels = SCENES["ring"].labels
     network = boundary_network(borders(planar_graph(labels), labels.shape[1], labels.shape[0]))
     inner = [c for c in network.curves if not c.on_frame]
     assert len(inner) == 2

@@ -1,0 +1,190 @@
+"""Whole pictures, from pixels and polygons to a vector image."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
+from gcvec.metrics import compare
+from tests.gcvec.scenes import SCENES, Scene, voronoi
+
+
+@cache
+def vectorized(scene: str, target_mse: float = 5.0) -> VectorImage:
+    made = SCENES[scene]
+    return vectorize(made.picture(), made.annotations(), Options(target_mse=target_mse))
+
+
+def assert_sound(image: VectorImage, pixels: np.ndarray) -> None:
+    """No fold-over, and figures that are those of the picture it draws."""
+    assert image.foldovers == 0
+    report = image.report
+    assert report is not None
+    rendered = image.render()
+    assert rendered.shape == pixels.shape
+    assert report.mse == pytest.approx(((rendered.astype(float) - pixels) ** 2).mean(), abs=0.05)
+    assert report.mae == pytest.approx(np.abs(rendered.astype(float) - pixels).mean(), abs=0.05)
+    assert report.bytes == len(image.to_bytes())
+    assert report.points == len(image.points) == sum(region.points for region in report.regions)
+    assert report.patches == len(image.patches) == len(report.regions)
+    assert report.foldovers == 0
+    again = compare(pixels, VectorImage.from_bytes(image.to_bytes()), report.bytes)
+    assert (again.mse, again.ssim) == pytest.approx((report.mse, report.ssim))
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_made_scenes_reach_their_error(scene: str) -> None:
+    image = vectorized(scene)
+    assert_sound(image, SCENES[scene].picture())
+    assert image.report is not None
+    if scene not in ("diagonal", "stripes"):  # all border, a pixel or two wide: beyond what curves can follow
+        assert image.report.mse <= 5
+
+
+def test_smooth_regions_need_few_points() -> None:
+    """Four linear gradients: straight hard borders and linear colours hold all of it."""
+    image = vectorized("quadrants")
+    assert len(image.patches) == 4
+    assert len(image.points) < 100
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (2, 1), (1, 7), (3, 3), (257, 1), (16, 16), (65, 300)])
+def test_small_and_odd_sizes(width: int, height: int) -> None:
+    y, x = np.mgrid[:height, :width]
+    pixels = np.stack([x % 256, y % 256, (x + y) % 256], axis=-1).astype(np.uint8)
+    image = vectorize(pixels)
+    assert_sound(image, pixels)
+
+
+def test_region_of_three_pixels_joins_its_neighbour_with_a_warning() -> None:
+    pixels = np.full((30, 40, 3), 90, np.uint8)
+    pixels[10, 10:13] = 200
+    annotations = Annotations(
+        shapes=(
+            Shape(label="large", rings=(np.array([(2.0, 2), (38, 2), (38, 28), (2, 28)]),)),
+            Shape(label="tiny", rings=(np.array([(10.0, 10), (13, 10), (13, 11), (10, 11)]),), z_order=1),
+        )
+    )
+    image = vectorize(pixels, annotations)
+    assert_sound(image, pixels)
+    assert "tiny" not in image.patches
+    assert image.warnings
+
+
+@pytest.mark.slow
+def test_three_hundred_regions() -> None:
+    made = voronoi(240, 320, 300, 9)
+    pixels = made.picture()
+    image = vectorize(pixels, made.annotations())
+    assert_sound(image, pixels)
+    assert len(image.patches) > 250
+
+
+def test_flat_picture_needs_no_points() -> None:
+    pixels = np.full((50, 60, 3), (12, 200, 99), np.uint8)
+    image = vectorize(pixels)
+    assert_sound(image, pixels)
+    assert len(image.points) == 0
+    assert np.ptp(image.render(), axis=(0, 1)).max() == 0
+    # Colours are stored in steps of four levels.
+    np.testing.assert_allclose(image.render(), pixels, atol=4)
+
+
+def noise(height: int = 40, width: int = 50) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("most", [1, 30])
+def test_points_of_each_region_are_bounded(most: int) -> None:
+    made = Scene(40, 50, lambda x, y: (x > 25).astype(int))
+    image = vectorize(noise(), made.annotations(), Options(max_points=most))
+    assert_sound(image, noise())
+    assert image.report is not None
+    assert all(0 < region.points <= most for region in image.report.regions)
+
+
+def test_a_region_at_its_bound_does_not_spend_the_others_points() -> None:
+    """Noise far from a gradient: the gradient gets no points for errors that are the noise's."""
+    made = Scene(64, 128, lambda x, y: (x > 64).astype(int) + (x > 96))
+    pixels = made.picture()
+    pixels[:, :64] = noise(64, 64)
+    image = vectorize(pixels, made.annotations(), Options(max_points=200))
+    assert image.report is not None
+    textured, _, smooth = (region.points for region in image.report.regions)
+    assert textured == 200
+    assert smooth < 100
+
+
+def test_noise_without_a_bound_ends() -> None:
+    image = vectorize(noise(), None, Options(max_points=0))
+    assert_sound(image, noise())
+
+
+def test_progress_tells_every_iteration_and_never_falls() -> None:
+    made = SCENES["ring"]
+    pixels = made.picture() + noise(made.height, made.width) // 16
+    told: list[Progress] = []
+    image = vectorize(pixels, made.annotations(), Options(target_mse=8), told.append)
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    assert fractions[0] > 0
+    assert fractions[-1] == 1
+    assert list(dict.fromkeys(p.phase for p in told)) == ["regions", "boundary", "mesh", "refine", "encode"]
+    rounds = [p for p in told if p.phase == "refine"]
+    assert [p.iteration for p in rounds] == list(range(1, len(rounds) + 1))
+    assert len(rounds) > 3
+    errors = [p.mse for p in rounds if p.mse is not None]
+    assert errors[-1] < errors[0]
+    assert told[-1].points == len(image.points)
+    assert all(p.regions == len(image.patches) for p in rounds)
+
+
+class CancelledError(Exception):
+    pass
+
+
+@pytest.mark.parametrize("phase", ["boundary", "refine"])
+def test_an_exception_in_the_callback_ends_the_run(phase: str) -> None:
+    told: list[Progress] = []
+
+    def cancel(progress: Progress) -> None:
+        told.append(progress)
+        if progress.phase == phase:
+            raise CancelledError
+
+    with pytest.raises(CancelledError):
+        vectorize(noise(), None, Options(), cancel)
+    assert told[-1].phase == phase
+
+
+def test_annotations_beside_the_picture_are_refused() -> None:
+    far = Shape(label="far", rings=(np.array([(900.0, 900), (950, 900), (950, 950)]),))
+    with pytest.raises(InputError):
+        vectorize(noise(), Annotations(shapes=(far,)))
+
+
+def test_same_input_same_file() -> None:
+    made = SCENES["voronoi"]
+    again = vectorize(made.picture(), made.annotations())
+    assert again.to_bytes() == vectorized("voronoi").to_bytes()
+
+
+def test_scaled_picture_averages_to_the_original_size() -> None:
+    """Box filtering at 2 and then over 2 x 2 is box filtering at 1."""
+    image = vectorized("voronoi")
+    double = image.render(2.0).astype(float)
+    halved = double.reshape(image.height, 2, image.width, 2, 3).mean(axis=(1, 3))
+    # Polylines may leave their curves by a twentieth of an output pixel at either scale.
+    assert np.abs(halved - image.render()).max() <= 0.05 * 255
+    assert np.abs(halved - image.render()).mean() < 0.5
+
+
+def test_raw_rendering_samples_pixel_centres() -> None:
+    image = vectorized("quadrants")
+    raw = image.render(raw=True).astype(int)
+    assert raw.shape == (image.height, image.width, 3)
+    inside = np.s_[5:60, 5:70]
+    assert np.abs(raw[inside] - image.render()[inside]).max() <= 2

@@ -1,0 +1,30 @@
+"""README.md says what the code does."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from worker.settings import Settings
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def test_settings_table_is_the_settings_class() -> None:
+    rows = re.findall(r"^\| `GCVEC_(\w+)` \| (?:`(.*)`)? *\| (.+) \|$", README, re.MULTILINE)
+    assert [name.lower() for name, _, _ in rows] == list(Settings.model_fields)
+    for name, shown, meaning in rows:
+        field = Settings.model_fields[name.lower()]
+        assert meaning == field.description
+        default = TypeAdapter(field.annotation).validate_python(shown) if shown else field.default
+        assert default == field.default, name
+        assert shown or not field.default, name
+
+
+def test_pictures_exist_and_are_small() -> None:
+    pictures = [ROOT / path for path in re.findall(r"!\[.*?\]\((.*?)\)", README)]
+    assert len(pictures) == 2
+    assert sum(path.stat().st_size for path in pictures) < 300_000
