@@ -1,8 +1,7 @@
 """Error-driven interior control points exactly as the paper inserts them (section 4.4), one at a time.
 
 Region by region: evaluate the region's pixels, make the worst of them a control point, mesh anew, solve all
-coordinates anew, fit all interior colours anew. Slow and simple, the measure of what `refine` does in
-batches.
+coordinates anew, fit all interior colours anew. Slow and simple: the measure of what `refine` does in rounds.
 As in the paper a pixel counts by the colour at its centre, and the boundary keeps the colours of section 4.3.
 """
 
@@ -17,10 +16,10 @@ from scipy.sparse import linalg
 
 from gcvec import raster
 from gcvec.canonical import Canvas, Foundation
-from gcvec.draft import Draft
 from gcvec.drawing import folded
-from gcvec.mesh import Mesh, build_mesh
+from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
+from gcvec.draft import Draft
 from gcvec.refine import Step
 from gcvec.selection import room
 from gcvec.timing import StageClock
@@ -156,8 +155,7 @@ class _Refinement:
 def fitted_colors(matrix: sparse.csr_array, boundary_colors: Floats, truth: Floats, wanted: Floats) -> Floats:
     """Equation (7), solved exactly, then limited to [0, 1]: colours `(m, 3)` of a region's points.
 
-    `matrix` is that of `at_pixel_centres`, `truth` `(p, 3)` the colours of its pixels, `wanted` `(m, 3)` is
-    y*.
+    `matrix` comes from `at_pixel_centres`, `truth` `(p, 3)` the colours of its pixels, `wanted` `(m, 3)` y*.
     """
     n_boundary = len(boundary_colors)
     basis = matrix[:, n_boundary:]
@@ -169,14 +167,8 @@ def fitted_colors(matrix: sparse.csr_array, boundary_colors: Floats, truth: Floa
 
 def region_canvas(foundation: Foundation, mesh: Mesh, region: int) -> Canvas:
     """The part of the canonical mesh that belongs to one region, with that region's control points alone."""
-    own = mesh.triangles[mesh.patch == region]
-    inside = np.unique(own[own >= mesh.n_samples])
-    kept = np.concatenate([np.arange(mesh.n_samples), inside])
-    number = np.full(len(mesh.vertices), -1)
-    number[kept] = np.arange(len(kept))
-    n_points = int((inside < mesh.first_free).sum())
-    part = Mesh(mesh.vertices[kept], number[own], np.full(len(own), region), mesh.n_samples, n_points)
-    places = foundation.geometry.to_image(mesh.vertices[inside])
+    part, _ = patch_mesh(mesh, region)
+    places = foundation.geometry.to_image(part.vertices[part.n_samples :])
     return Canvas(foundation, part, blend(foundation.network, foundation.samples, part), places)
 
 
