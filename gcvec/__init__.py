@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gcvec.annotations import Annotations, Shape
-    from gcvec.editing import Move, Recolor, edit
     from gcvec.errors import InputError
     from gcvec.metrics import Report
     from gcvec.options import Options
@@ -16,30 +15,24 @@ if TYPE_CHECKING:
 _HOMES = {
     "Annotations": "gcvec.annotations",
     "InputError": "gcvec.errors",
-    "Move": "gcvec.editing",
     "OnProgress": "gcvec.progress",
     "Options": "gcvec.options",
     "Progress": "gcvec.progress",
-    "Recolor": "gcvec.editing",
     "Report": "gcvec.metrics",
     "Shape": "gcvec.annotations",
     "VectorImage": "gcvec.vector_image",
-    "edit": "gcvec.editing",
     "vectorize": "gcvec.pipeline",
 }
 
 __all__ = [
     "Annotations",
     "InputError",
-    "Move",
     "OnProgress",
     "Options",
     "Progress",
-    "Recolor",
     "Report",
     "Shape",
     "VectorImage",
-    "edit",
     "vectorize",
 ]
 

@@ -47,17 +47,35 @@ def refine_paper(
     `pixels` is the photo `(h, w, 3)`. A region gets at most `max_points` points, one an
     iteration; 0 lifts the bound.
     """
-    state = _Refinement(foundation, boundary_colors, pixels / 255.0, clock)
+    points, colors = worst_pixels(
+        foundation, boundary_colors, pixels / 255.0, target_mse, max_points, on_step, clock
+    )
+    with clock.stage("encode"):
+        return draft.file(foundation, points, colors)
+
+
+def worst_pixels(
+    foundation: Foundation,
+    boundary_colors: Floats,
+    picture: Floats,
+    target_mse: float,
+    max_points: int,
+    on_step: Callable[[Step], None],
+    clock: StageClock,
+) -> tuple[Ints, Floats]:
+    """The loop itself: control points `(m, 2)` and all colours `(b + m, 3)` for `picture` `(h, w, 3)` in [0, 1].
+
+    Every region is looked at until nothing is left to add, for points near a border thin out the free vertices
+    of the mesh beyond it.
+    """
+    state = _Refinement(foundation, boundary_colors, picture, clock)
     limit = max_points or len(state.truth)
     regions = range(len(foundation.network.loops))
-    iteration = 0
     for region in regions:
         state.evaluate(region, build_mesh(foundation.network, foundation.samples, state.points))
     grown = True
-    while (
-        grown
-    ):  # points near a border thin out the free vertices beyond it, so every region is looked at again
-        grown = False
+    while grown:
+        before = len(state.points)
         for region in regions:
             state.evaluate(region, build_mesh(foundation.network, foundation.samples, state.points))
             while state.mse(region) >= target_mse and state.count(region) < limit:
@@ -65,11 +83,10 @@ def refine_paper(
                 if mesh is None:
                     break
                 state.refit(region, mesh)
-                grown = True
-                iteration += 1
-                on_step(Step(iteration, len(state.points), region, state.worst(), state.mse()))
-    with clock.stage("encode"):
-        return draft.file(foundation, state.points, np.concatenate([boundary_colors, state.colors]))
+                n = len(state.points)
+                on_step(Step(n, n, region, state.worst(), state.mse()))
+        grown = len(state.points) > before
+    return state.points, np.concatenate([boundary_colors, state.colors])
 
 
 class _Refinement:

@@ -11,7 +11,7 @@ from typer import Argument, BadParameter, Option
 from gcvec.cli._files import about, load_vector_image, require_folder, warn, write
 
 if TYPE_CHECKING:
-    from gcvec import Move, Recolor
+    from gcvec.edit import Move, Recolor
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 MOVE = re.compile(rf"(\d+):(\d+):({NUMBER}),({NUMBER})")
@@ -46,7 +46,7 @@ def edit(
         raise BadParameter("nothing to do: give --move or --recolor")
     image = load_vector_image(vector_image)
 
-    from gcvec import edit
+    from gcvec.edit import edit
 
     with about(vector_image):
         edited = edit(image, moves, recolors)
@@ -56,7 +56,7 @@ def edit(
 
 
 def _move(text: str) -> Move:
-    from gcvec import Move
+    from gcvec.edit import Move
 
     found = MOVE.fullmatch(text)
     if not found:
@@ -66,10 +66,9 @@ def _move(text: str) -> Move:
 
 
 def _recolor(text: str) -> Recolor:
-    from gcvec import Recolor
+    from gcvec.edit import Recolor, hex_color
 
     found = RECOLOR.fullmatch(text)
     if not found:
         raise BadParameter(f"{text!r} is not PATCH:#rrggbb, such as 2:#f08020", param_hint="'--recolor'")
-    red, green, blue = bytes.fromhex(found[2])
-    return Recolor(int(found[1]), (red / 255, green / 255, blue / 255))
+    return Recolor(int(found[1]), hex_color(found[2]))

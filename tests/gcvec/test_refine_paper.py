@@ -17,9 +17,9 @@ from gcvec.refine_paper import (
     WEIGHT,
     at_pixel_centres,
     fitted_colors,
-    refine_paper,
     region_canvas,
     turns_over,
+    worst_pixels,
 )
 from gcvec.timing import StageClock
 
@@ -70,10 +70,10 @@ def start() -> tuple[Foundation, np.ndarray]:
 def refined(target_mse: float, max_points: int = 0) -> tuple[np.ndarray, np.ndarray, list[Step]]:
     foundation, boundary_colors = start()
     steps: list[Step] = []
-    result = refine_paper(
+    points, colors = worst_pixels(
         foundation, boundary_colors, case().pixels / 255, target_mse, max_points, steps.append, StageClock()
     )
-    return result.points, result.colors, steps
+    return points, colors, steps
 
 
 def test_without_points_both_strategies_start_from_the_same_patch() -> None:

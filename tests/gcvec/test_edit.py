@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from examples.scenes import balls
-from gcvec import Annotations, InputError, Move, Options, Recolor, Shape, VectorImage, edit, vectorize
+from gcvec import Annotations, InputError, Options, Shape, VectorImage, vectorize
 from gcvec.canonical import lay_canvas, lay_foundation
-from gcvec.editing import mean_color
+from gcvec.edit import Move, Recolor, edit, hex_color, mean_color
 from gcvec.planar_graph import OUTSIDE
 
 Points = list[tuple[float, float]]
@@ -258,6 +258,10 @@ def test_foldovers_are_reported() -> None:
 def test_refusals_name_the_culprit(moves: list[Move], recolors: list[Recolor], cause: str) -> None:
     with pytest.raises(InputError, match=cause):
         edit(quarters(), moves, recolors)
+
+
+def test_hex_colors() -> None:
+    assert hex_color("#ff0033") == hex_color("ff0033") == (1.0, 0.0, 0.2)
 
 
 def test_an_edit_is_quick_enough_to_drag() -> None:

@@ -1,8 +1,8 @@
 """Editing a vector image (paper, section 5.2): move the control points of its curves, recolour its patches.
 
 Nothing is fitted or solved again: parameter domains, the mesh on them and all coordinates stay, and equation
-(1) is linear in the control points. Moves count in steps of the file's grid, so they are saved exactly and can be
-taken back exactly.
+(1) is linear in the control points. Moves count in steps of the file's grid, so they are saved exactly and
+can be taken back exactly.
 """
 
 from __future__ import annotations
@@ -45,6 +45,12 @@ class Recolor:
 
     patch: int
     color: tuple[float, float, float]
+
+
+def hex_color(text: str) -> tuple[float, float, float]:
+    """sRGB in [0, 1] of a colour written as `#rrggbb`."""
+    red, green, blue = bytes.fromhex(text.removeprefix("#"))
+    return red / 255, green / 255, blue / 255
 
 
 def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Recolor] = ()) -> VectorImage:
