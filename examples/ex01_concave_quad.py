@@ -17,7 +17,7 @@ def main() -> dict[str, int]:
     """Triangles turned over by each patch."""
     classical = classical_coons(CURVES)
     ours = generalized_coons(corners(CURVES), CURVES)
-    figures.save("concave_quad", [figures.mesh_panels(classical), figures.mesh_panels(ours)], colors=32)
+    figures.save("concave_quad", [figures.mesh_panels(classical), figures.mesh_panels(ours)])
     return {
         "classical flipped": int(classical.flipped.sum()),
         "classical triangles": len(classical.triangles),

@@ -16,7 +16,7 @@ def main() -> dict[str, int]:
     """Triangles turned over with the regular hexagon and with the adapted one."""
     regular = generalized_coons(regular_polygon(6), CURVES)
     adapted = generalized_coons(corners(CURVES), CURVES)
-    figures.save("regular_hexagon", [figures.mesh_panels(regular), figures.mesh_panels(adapted)], colors=32)
+    figures.save("regular_hexagon", [figures.mesh_panels(regular), figures.mesh_panels(adapted)])
     return {"regular flipped": int(regular.flipped.sum()), "adapted flipped": int(adapted.flipped.sum())}
 
 

@@ -1,7 +1,7 @@
 """Colours along hard edges, sampled on the curve and inside the region (paper, Fig. 6).
 
-On the curve a photo shows a blend of both sides. Taken for the boundary's colour, it spreads into the patch and has
-to be repaired by interior control points.
+On the curve a photo shows a blend of both sides. Taken for the boundary's colour it spreads into the patch,
+and interior control points have to repair it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main() -> dict[str, float]:
         result[f"mse {name}"] = float(((bare - picture) ** 2).mean() * 65025)
         result[f"points {name}"] = len(points)
         row.append([to_8_bit(bare), to_8_bit(refined)])
-    figures.save("offset_sampling", row, colors=128)
+    figures.save("offset_sampling", row)
     return result
 
 

@@ -1,7 +1,7 @@
 """The stages from photo to vector image (paper, Figs. 3 and 4).
 
-Photo, regions, parameter polygons, curves with their colours; the patches without interior control points, those
-points, the picture, and the picture at four times the size.
+Photo, regions, parameter polygons, curves with their colours; the patches without interior control points,
+those points, the picture, and the picture at four times the size.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def main() -> dict[str, int]:
             [scene.pixels, regions(image), polygons(image), curves(image)],
             [bare.render(), points(image), image.render(), image.render(4)[cut]],
         ],
-        colors=128,
+        step=3,
     )
     return {
         "patches": len(image.labels),

@@ -18,7 +18,7 @@ def main() -> dict[str, float]:
     report = image.report
     assert report is not None
     error = error_map(scene.pixels, image)
-    figures.save("results", [[scene.pixels, image.render(), error]], colors=192)
+    figures.save("results", [[scene.pixels, image.render(), error]])
     values = (report.points, report.patches, report.mae, report.mse, report.bytes / 1000)
     row = dict(zip(COLUMNS, map(float, values), strict=True))
     measured = (image.render().astype(np.float64) - scene.pixels) ** 2

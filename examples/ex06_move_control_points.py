@@ -33,7 +33,7 @@ def main() -> dict[str, float]:
         moves.append(Move(curve, k, -0.45 * up * (x - ball.x), -12 * up**2))
     edited = edit(image, moves)
     changed = (image.render() != edited.render()).any(axis=2)
-    figures.save("move_control_points", [[image.render(), polygons(image), edited.render()]], colors=160)
+    figures.save("move_control_points", [[image.render(), polygons(image), edited.render()]])
     return {
         "largest move": max(float(np.hypot(m.dx, m.dy)) for m in moves),
         "foldovers": edited.foldovers,

@@ -21,15 +21,16 @@ PAPER, EDGE, FOLDED, OUTLINE = (255, 255, 255), (150, 165, 185), (226, 74, 51), 
 Panel = NDArray[np.uint8]
 
 
-def save(name: str, rows: Sequence[Sequence[Panel]], colors: int = 256) -> Path:
-    """Write rows of panels `(h, w, 3)` as one picture with a palette of `colors`; return its path."""
+def save(name: str, rows: Sequence[Sequence[Panel]], step: int = 1) -> Path:
+    """Write rows of panels `(h, w, 3)` as one picture, colours rounded to multiples of `step`."""
     lines = [_beside(row) for row in rows]
     width = max(line.shape[1] for line in lines)
     stacked = [np.pad(x, ((0, GAP), (0, width - x.shape[1]), (0, 0)), constant_values=255) for x in lines]
-    picture = Image.fromarray(np.concatenate(stacked)[:-GAP])
+    picture = np.concatenate(stacked)[:-GAP].astype(np.int64)
+    rounded = np.minimum((picture + step // 2) // step * step, 255).astype(np.uint8)
     FOLDER.mkdir(parents=True, exist_ok=True)
     path = FOLDER / f"{name}.png"
-    picture.quantize(colors, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.fromarray(rounded).save(path, optimize=True)
     return path
 
 
@@ -60,8 +61,3 @@ def _mesh(vertices: NDArray[np.float64], patch: Patch, size: int) -> Panel:
     for a, b in edges[first[count == 1]]:
         pen.line([tuple(at[a]), tuple(at[b])], fill=OUTLINE, width=5)
     return np.asarray(picture.resize((size, size), Image.Resampling.BOX))
-
-
-def enlarged(panel: Panel, scale: int) -> Panel:
-    """Every pixel as a square."""
-    return np.repeat(np.repeat(panel, scale, axis=0), scale, axis=1)
