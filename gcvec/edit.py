@@ -160,15 +160,12 @@ def _recolored(image: VectorImage, recolor: Recolor) -> VectorImage:
         raise InputError(f"patch {recolor.patch} cannot have colour {recolor.color}", code="bad-color")
     shift = target - mean_color(image, recolor.patch)
     image = _with_hard_border(image, recolor.patch)
+    own_boundary = _boundary_unknowns(image.foundation, recolor.patch)
+    own_points = image.patch_of_points == recolor.patch
     boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
-    boundary_colors[_boundary_unknowns(image.foundation, recolor.patch)] += shift
-    point_colors[image.patch_of_points == recolor.patch] += shift
-    edited = replace(
-        image,
-        boundary_colors=np.clip(boundary_colors, 0, 1),
-        point_colors=np.clip(point_colors, 0, 1),
-        report=None,
-    )
+    boundary_colors[own_boundary] = np.clip(boundary_colors[own_boundary] + shift, 0, 1)
+    point_colors[own_points] = np.clip(point_colors[own_points] + shift, 0, 1)
+    edited = replace(image, boundary_colors=boundary_colors, point_colors=point_colors, report=None)
     return _with_canvas(edited, image.canvas)
 
 

@@ -47,7 +47,7 @@ class Mesh:
 
 
 def patch_mesh(mesh: Mesh, patch: int) -> tuple[Mesh, Ints]:
-    """The mesh of one patch, and the vertices `(k,)` it keeps: all boundary samples, its own interior ones."""
+    """The mesh of one patch, and the vertices `(k,)` it keeps: all boundary samples, its interior ones."""
     own = mesh.triangles[mesh.patch == patch]
     interior = np.unique(own[own >= mesh.n_samples])
     kept = np.concatenate([np.arange(mesh.n_samples), interior])

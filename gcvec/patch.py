@@ -204,7 +204,7 @@ class Geometry:
         return np.asarray(np.einsum("nk,nkd->nd", weights, corner_values[triangle]))
 
     def moved(self, samples: BoundarySamples, control_points: Floats) -> Geometry:
-        """S with other control points `(c, 2)`. Equation (1) is linear in them, so nothing is solved again."""
+        """S with other control points `(c, 2)`. Equation (1) is linear in them: nothing is solved again."""
         return replace(self, image=_image(samples, self.blend, control_points))
 
     def patch_at(self) -> Ints:

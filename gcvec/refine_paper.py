@@ -16,10 +16,10 @@ from scipy.sparse import linalg
 
 from gcvec import raster
 from gcvec.canonical import Canvas, Foundation
+from gcvec.draft import Draft
 from gcvec.drawing import folded
 from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
-from gcvec.draft import Draft
 from gcvec.refine import Step
 from gcvec.selection import room
 from gcvec.timing import StageClock
@@ -63,10 +63,10 @@ def worst_pixels(
     on_step: Callable[[Step], None],
     clock: StageClock,
 ) -> tuple[Ints, Floats]:
-    """The loop itself: control points `(m, 2)` and all colours `(b + m, 3)` for `picture` `(h, w, 3)` in [0, 1].
+    """The loop itself: control points `(m, 2)` and all colours `(b + m, 3)` for a picture in [0, 1].
 
-    Every region is looked at until nothing is left to add, for points near a border thin out the free vertices
-    of the mesh beyond it.
+    Every region is looked at until nothing is left to add, for points near a border thin out the free
+    vertices of the mesh beyond it.
     """
     state = _Refinement(foundation, boundary_colors, picture, clock)
     limit = max_points or len(state.truth)
