@@ -1,49 +1,63 @@
-"""The pictures of README.md, from the sample photo: `python -m examples.figures` writes them to docs/figures/."""
+"""Figures of the examples: panels side by side, written to docs/figures as small PNG files."""
 
 from __future__ import annotations
 
-from importlib.resources import files
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw
 
-from examples.demo import ANNOTATIONS
-from gcvec import Options, vectorize
-from gcvec.export import patch_overlay
-from gcvec.io import read_annotations, read_picture
+from examples.coons import Patch
 
 FOLDER = Path(__file__).parents[1] / "docs" / "figures"
-DETAIL = (slice(78, 158), slice(128, 248))
-"""Rows and columns of the photo that the enlargement shows: an eye."""
+GAP = 8
+SMOOTHING = 3
+"""Line drawings are drawn this much larger and averaged down."""
 
-SCALE = 5
+PAPER, EDGE, FOLDED, OUTLINE = (255, 255, 255), (150, 165, 185), (226, 74, 51), (20, 40, 90)
+
+Panel = NDArray[np.uint8]
 
 
-def main() -> None:
-    photo = read_picture((files("skimage") / "data" / "chelsea.png").read_bytes()).pixels
-    regions = read_annotations(ANNOTATIONS.read_bytes(), picture_name="chelsea.png")
-    image = vectorize(photo, regions, Options(max_points=0))
+def save(name: str, rows: Sequence[Sequence[Panel]], step: int = 1) -> Path:
+    """Write rows of panels `(h, w, 3)` as one picture, colours rounded to multiples of `step`."""
+    lines = [_beside(row) for row in rows]
+    width = max(line.shape[1] for line in lines)
+    stacked = [np.pad(x, ((0, GAP), (0, width - x.shape[1]), (0, 0)), constant_values=255) for x in lines]
+    picture = np.concatenate(stacked)[:-GAP].astype(np.int64)
+    rounded = np.minimum((picture + step // 2) // step * step, 255).astype(np.uint8)
     FOLDER.mkdir(parents=True, exist_ok=True)
-    save("overview.jpg", side_by_side(photo, image.render()))
-    detail = tuple(slice(SCALE * part.start, SCALE * part.stop) for part in DETAIL)
-    enlarged = np.kron(photo[DETAIL], np.ones((SCALE, SCALE, 1), np.uint8))
-    save(
-        "detail.jpg", side_by_side(enlarged, patch_overlay(image, SCALE)[detail], image.render(SCALE)[detail])
-    )
+    path = FOLDER / f"{name}.png"
+    Image.fromarray(rounded).save(path, optimize=True)
+    return path
 
 
-def side_by_side(*pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Pictures `(h, w, 3)` of one size from left to right, ten white pixels apart."""
-    gap = np.full((len(pictures[0]), 10, 3), 255, np.uint8)
-    row = [part for picture in pictures for part in (gap, picture)][1:]
-    return np.concatenate(row, axis=1)
+def _beside(row: Sequence[Panel]) -> Panel:
+    height = max(panel.shape[0] for panel in row)
+    padded = [np.pad(p, ((0, height - p.shape[0]), (0, GAP), (0, 0)), constant_values=255) for p in row]
+    return np.concatenate(padded, axis=1)[:, :-GAP]
 
 
-def save(name: str, picture: NDArray[np.uint8]) -> None:
-    Image.fromarray(picture).save(FOLDER / name, quality=80, optimize=True)
+def mesh_panels(patch: Patch, size: int = 220) -> list[Panel]:
+    """The domain's mesh and its image, folded triangles in red."""
+    return [_mesh(vertices, patch, size) for vertices in (patch.domain, patch.image)]
 
 
-if __name__ == "__main__":
-    main()
+def _mesh(vertices: NDArray[np.float64], patch: Patch, size: int) -> Panel:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    scale = (size - 2 * GAP) / (high - low).max()
+    at = ((vertices - (low + high) / 2) * scale + size / 2) * SMOOTHING
+    picture = Image.new("RGB", (size * SMOOTHING, size * SMOOTHING), PAPER)
+    pen = ImageDraw.Draw(picture)
+    order = np.argsort(patch.flipped, kind="stable")
+    for t in order:
+        corner = [tuple(at[v]) for v in patch.triangles[t]]
+        pen.polygon(corner, fill=FOLDED if patch.flipped[t] else None)
+        pen.line([*corner, corner[0]], fill=EDGE, width=2)
+    edges = np.concatenate([patch.triangles, np.roll(patch.triangles, -1, axis=1)]).reshape(2, -1).T
+    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    for a, b in edges[first[count == 1]]:
+        pen.line([tuple(at[a]), tuple(at[b])], fill=OUTLINE, width=5)
+    return np.asarray(picture.resize((size, size), Image.Resampling.BOX))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.annotations import Annotations, Shape
+from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 
 Floats = NDArray[np.float64]
 
@@ -118,3 +119,10 @@ def _drawn_circle(ball: Ball, rng: np.random.Generator) -> Floats:
     sagitta = ball.radius * (1 - np.cos(1.6 * np.pi / n))
     radius = ball.radius + rng.uniform(sagitta - HAND, HAND, n)
     return np.stack([ball.x + radius * np.cos(angle), ball.y + radius * np.sin(angle)], axis=1)
+
+
+@cache
+def vectorized_balls(target_mse: float = 2.0) -> VectorImage:
+    """The vector image of the scene, made once."""
+    scene = balls()
+    return vectorize(scene.pixels, scene.annotations, Options(target_mse=target_mse))

@@ -46,6 +46,18 @@ class Mesh:
         return self.n_samples + self.n_points
 
 
+def patch_mesh(mesh: Mesh, patch: int) -> tuple[Mesh, Ints]:
+    """The mesh of one patch, and the vertices `(k,)` it keeps: all boundary samples, its interior ones."""
+    own = mesh.triangles[mesh.patch == patch]
+    interior = np.unique(own[own >= mesh.n_samples])
+    kept = np.concatenate([np.arange(mesh.n_samples), interior])
+    number = np.full(len(mesh.vertices), -1)
+    number[kept] = np.arange(len(kept))
+    n_points = int((interior < mesh.first_free).sum())
+    part = Mesh(mesh.vertices[kept], number[own], np.full(len(own), patch), mesh.n_samples, n_points)
+    return part, kept
+
+
 def jitter(points: NDArray[np.int64]) -> Floats:
     """Positions `(n, 2)` in the parameter domain of the control points of pixels `(n, 2)` (x, y).
 

@@ -12,7 +12,7 @@ control points of the curves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -203,6 +203,10 @@ class Geometry:
         weights = np.stack([1 - s - t, s, t], axis=1)
         return np.asarray(np.einsum("nk,nkd->nd", weights, corner_values[triangle]))
 
+    def moved(self, samples: BoundarySamples, control_points: Floats) -> Geometry:
+        """S with other control points `(c, 2)`. Equation (1) is linear in them: nothing is solved again."""
+        return replace(self, image=_image(samples, self.blend, control_points))
+
     def patch_at(self) -> Ints:
         """`(h, w) int64`: the patch whose parameter domain holds each pixel centre."""
         return np.asarray(self.mesh.patch[self.triangle_at])
@@ -214,10 +218,13 @@ def geometry(network: Network, samples: BoundarySamples, control_points: Floats)
     `control_points` `(c, 2)` are those of all curves.
     """
     mesh = build_mesh(network, samples, np.zeros((0, 2), np.int64))
-    on_curves = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
     blended = blend(network, samples, mesh)
-    image = np.concatenate([on_curves, blended.boundary @ control_points])
     triangle_at = raster.triangle_at_pixel_centres(
         mesh.vertices, mesh.triangles, network.width, network.height
     )
-    return Geometry(mesh, blended, image, triangle_at)
+    return Geometry(mesh, blended, _image(samples, blended, control_points), triangle_at)
+
+
+def _image(samples: BoundarySamples, blended: Blend, control_points: Floats) -> Floats:
+    on_curves = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
+    return np.concatenate([on_curves, blended.boundary @ control_points])

@@ -1,8 +1,7 @@
 """Error-driven interior control points exactly as the paper inserts them (section 4.4), one at a time.
 
 Region by region: evaluate the region's pixels, make the worst of them a control point, mesh anew, solve all
-coordinates anew, fit all interior colours anew. Slow and simple, the measure of what `refine` does in
-batches.
+coordinates anew, fit all interior colours anew. Slow and simple: the measure of what `refine` does in rounds.
 As in the paper a pixel counts by the colour at its centre, and the boundary keeps the colours of section 4.3.
 """
 
@@ -19,7 +18,7 @@ from gcvec import raster
 from gcvec.canonical import Canvas, Foundation
 from gcvec.draft import Draft
 from gcvec.drawing import folded
-from gcvec.mesh import Mesh, build_mesh
+from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
 from gcvec.refine import Step
 from gcvec.selection import room
@@ -48,17 +47,35 @@ def refine_paper(
     `pixels` is the photo `(h, w, 3)`. A region gets at most `max_points` points, one an
     iteration; 0 lifts the bound.
     """
-    state = _Refinement(foundation, boundary_colors, pixels / 255.0, clock)
+    points, colors = worst_pixels(
+        foundation, boundary_colors, pixels / 255.0, target_mse, max_points, on_step, clock
+    )
+    with clock.stage("encode"):
+        return draft.file(foundation, points, colors)
+
+
+def worst_pixels(
+    foundation: Foundation,
+    boundary_colors: Floats,
+    picture: Floats,
+    target_mse: float,
+    max_points: int,
+    on_step: Callable[[Step], None],
+    clock: StageClock,
+) -> tuple[Ints, Floats]:
+    """The loop itself: control points `(m, 2)` and all colours `(b + m, 3)` for a picture in [0, 1].
+
+    Every region is looked at until nothing is left to add, for points near a border thin out the free
+    vertices of the mesh beyond it.
+    """
+    state = _Refinement(foundation, boundary_colors, picture, clock)
     limit = max_points or len(state.truth)
     regions = range(len(foundation.network.loops))
-    iteration = 0
     for region in regions:
         state.evaluate(region, build_mesh(foundation.network, foundation.samples, state.points))
     grown = True
-    while (
-        grown
-    ):  # points near a border thin out the free vertices beyond it, so every region is looked at again
-        grown = False
+    while grown:
+        before = len(state.points)
         for region in regions:
             state.evaluate(region, build_mesh(foundation.network, foundation.samples, state.points))
             while state.mse(region) >= target_mse and state.count(region) < limit:
@@ -66,11 +83,10 @@ def refine_paper(
                 if mesh is None:
                     break
                 state.refit(region, mesh)
-                grown = True
-                iteration += 1
-                on_step(Step(iteration, len(state.points), region, state.worst(), state.mse()))
-    with clock.stage("encode"):
-        return draft.file(foundation, state.points, np.concatenate([boundary_colors, state.colors]))
+                n = len(state.points)
+                on_step(Step(n, n, region, state.worst(), state.mse()))
+        grown = len(state.points) > before
+    return state.points, np.concatenate([boundary_colors, state.colors])
 
 
 class _Refinement:
@@ -156,8 +172,7 @@ class _Refinement:
 def fitted_colors(matrix: sparse.csr_array, boundary_colors: Floats, truth: Floats, wanted: Floats) -> Floats:
     """Equation (7), solved exactly, then limited to [0, 1]: colours `(m, 3)` of a region's points.
 
-    `matrix` is that of `at_pixel_centres`, `truth` `(p, 3)` the colours of its pixels, `wanted` `(m, 3)` is
-    y*.
+    `matrix` comes from `at_pixel_centres`, `truth` `(p, 3)` the colours of its pixels, `wanted` `(m, 3)` y*.
     """
     n_boundary = len(boundary_colors)
     basis = matrix[:, n_boundary:]
@@ -169,14 +184,8 @@ def fitted_colors(matrix: sparse.csr_array, boundary_colors: Floats, truth: Floa
 
 def region_canvas(foundation: Foundation, mesh: Mesh, region: int) -> Canvas:
     """The part of the canonical mesh that belongs to one region, with that region's control points alone."""
-    own = mesh.triangles[mesh.patch == region]
-    inside = np.unique(own[own >= mesh.n_samples])
-    kept = np.concatenate([np.arange(mesh.n_samples), inside])
-    number = np.full(len(mesh.vertices), -1)
-    number[kept] = np.arange(len(kept))
-    n_points = int((inside < mesh.first_free).sum())
-    part = Mesh(mesh.vertices[kept], number[own], np.full(len(own), region), mesh.n_samples, n_points)
-    places = foundation.geometry.to_image(mesh.vertices[inside])
+    part, _ = patch_mesh(mesh, region)
+    places = foundation.geometry.to_image(part.vertices[part.n_samples :])
     return Canvas(foundation, part, blend(foundation.network, foundation.samples, part), places)
 
 

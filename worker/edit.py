@@ -6,9 +6,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from gcvec.edit import edit
-
 from gcvec import VectorImage
+from gcvec.edit import Move, Recolor, edit, hex_color
 from gcvec.export import patch_overlay
 from gcvec.export.png import png
 from worker.artifacts import KINDS, REVISED
@@ -16,9 +15,9 @@ from worker.artifacts import KINDS, REVISED
 
 def edited(image: VectorImage, changes: Mapping[str, Any]) -> VectorImage:
     """The image with control points moved and patches recoloured. Raises gcvec.InputError."""
-    moves = [(move["curve"], move["index"], move["dx"], move["dy"]) for move in changes["moves"]]
-    recolors = [(change["patch"], _rgb(change["color"])) for change in changes["recolors"]]
-    return edit(image, moves=moves, recolors=recolors)
+    moves = [Move(**move) for move in changes["moves"]]
+    recolors = [Recolor(change["patch"], hex_color(change["color"])) for change in changes["recolors"]]
+    return edit(image, moves, recolors)
 
 
 def revision_files(image: VectorImage) -> dict[str, tuple[str, bytes]]:
@@ -32,9 +31,3 @@ def revision_files(image: VectorImage) -> dict[str, tuple[str, bytes]]:
         "patches": png(patch_overlay(image)),
     }
     return {name: (KINDS[name].filename, contents[name]) for name in REVISED}
-
-
-def _rgb(text: str) -> tuple[int, int, int]:
-    """The levels of a colour written as #rrggbb."""
-    red, green, blue = bytes.fromhex(text.removeprefix("#"))
-    return red, green, blue

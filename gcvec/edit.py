@@ -1,0 +1,219 @@
+"""Editing a vector image (paper, section 5.2): move the control points of its curves, recolour its patches.
+
+Nothing is fitted or solved again: parameter domains, the mesh on them and all coordinates stay, and equation
+(1) is linear in the control points. Moves count in steps of the file's grid, so they are saved exactly and
+can be taken back exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.boundary import Network, straight_line
+from gcvec.canonical import Canvas, Foundation
+from gcvec.color_space import LEFT, RIGHT, ColorSpace, color_space
+from gcvec.errors import InputError
+from gcvec.mesh import patch_mesh
+from gcvec.patch import Blend
+from gcvec.vector_image import VectorImage
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Move:
+    """Shift control point `index` of curve `curve` by (`dx`, `dy`) pixels.
+
+    The end of a curve takes along every curve that ends there. On the picture's frame it moves only along it.
+    """
+
+    curve: int
+    index: int
+    dx: float
+    dy: float
+
+
+@dataclass(frozen=True)
+class Recolor:
+    """Give patch `patch` the mean colour `color`, sRGB in [0, 1], and keep its differences from the mean."""
+
+    patch: int
+    color: tuple[float, float, float]
+
+
+def hex_color(text: str) -> tuple[float, float, float]:
+    """sRGB in [0, 1] of a colour written as `#rrggbb`."""
+    red, green, blue = bytes.fromhex(text.removeprefix("#"))
+    return red / 255, green / 255, blue / 255
+
+
+def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Recolor] = ()) -> VectorImage:
+    """The vector image after the moves, all at once, and then the recolours, one after another.
+
+    `foldovers` of the result counts the triangles that the moves turned over. Raises `InputError`, naming the
+    curve, control point or patch, for what does not exist or cannot move.
+    """
+    if moves:
+        image = _moved(image, moves)
+    for recolor in recolors:
+        image = _recolored(image, recolor)
+    return image
+
+
+def mean_color(image: VectorImage, patch: int) -> Floats:
+    """Mean sRGB colour `(3,)` in [0, 1] of a patch, over its area."""
+    canvas, own_points = _patch_canvas(image.canvas, _checked_patch(image, patch))
+    drawing = canvas.drawing(flatness=np.inf)
+    operator, corner_color = canvas.operator(drawing)
+    colors = operator @ np.concatenate([image.boundary_colors, image.point_colors[own_points]])
+    a, b, c = (drawing.image[drawing.triangles[:, k]] for k in range(3))
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    area = np.abs(ux * vy - uy * vx)
+    return np.asarray(np.average(colors[corner_color].mean(axis=1), axis=0, weights=area))
+
+
+def _with_canvas(image: VectorImage, canvas: Canvas) -> VectorImage:
+    """The image with its canonical mesh known, so that it is not laid again."""
+    image.__dict__.update(foundation=canvas.foundation, canvas=canvas)
+    return image
+
+
+def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
+    network, foundation = image.network, image.foundation
+    control_points = foundation.control_points.copy()
+    grid = image.quantization.grid
+    for move in moves:
+        taken_along = _control_points_moved_by(network, foundation, move)
+        control_points[taken_along] += np.round(np.array([move.dx, move.dy]) / grid) * grid
+    _keep_frame_straight(network, foundation, control_points)
+    geometry = foundation.geometry.moved(foundation.samples, control_points)
+    foundation = replace(foundation, geometry=geometry, control_points=control_points)
+    mesh = image.canvas.mesh
+    places = geometry.to_image(mesh.vertices[mesh.n_samples :])
+    canvas = replace(image.canvas, foundation=foundation, places=places)
+    unmoved = np.array_equal(control_points, np.concatenate([c.control_points for c in network.curves]))
+    edited = replace(image, control_points=None if unmoved else control_points, report=None)
+    return _with_canvas(edited, canvas)
+
+
+def _control_points_moved_by(network: Network, foundation: Foundation, move: Move) -> Ints:
+    """Control points, numbered through all curves, that a move shifts."""
+    if not 0 <= move.curve < len(network.curves):
+        last = len(network.curves) - 1
+        raise InputError(f"there is no curve {move.curve}: they count from 0 to {last}", code="unknown-curve")
+    curve = network.curves[move.curve]
+    last = len(curve.control_points) - 1
+    name = f"control point {move.index} of curve {move.curve}"
+    if not 0 <= move.index <= last:
+        raise InputError(f"there is no {name}: they count from 0 to {last}", code="unknown-control-point")
+    if not (math.isfinite(move.dx) and math.isfinite(move.dy)):
+        raise InputError(f"{name} cannot move by {move.dx}, {move.dy}", code="bad-move")
+    if curve.closed or 0 < move.index < last:
+        if curve.on_frame:
+            raise InputError(f"{name} lies on the picture's frame, which stays straight", code="bad-move")
+        return foundation.samples.offsets[move.curve : move.curve + 1] + move.index
+    node = curve.start if move.index == 0 else curve.end
+    for frame in (c for c in network.curves if c.on_frame and node in (c.start, c.end)):
+        across = move.dy if frame.control_points[0, 1] == frame.control_points[-1, 1] else move.dx
+        if across:
+            raise InputError(f"{name} lies on the picture's frame and moves only along it", code="bad-move")
+    return _ends_at(network, foundation, node)
+
+
+def _ends_at(network: Network, foundation: Foundation, node: int) -> Ints:
+    first, past = foundation.samples.offsets[:-1], foundation.samples.offsets[1:]
+    starts = [first[c] for c, curve in enumerate(network.curves) if curve.start == node]
+    ends = [past[c] - 1 for c, curve in enumerate(network.curves) if curve.end == node]
+    return np.array(starts + ends)
+
+
+def _keep_frame_straight(network: Network, foundation: Foundation, control_points: Floats) -> None:
+    """Lay the curves on the frame anew between their ends, which must not have passed each other."""
+    offsets = foundation.samples.offsets
+    for c, curve in enumerate(network.curves):
+        if not curve.on_frame:
+            continue
+        own = slice(offsets[c], offsets[c + 1])
+        ends = control_points[own][[0, -1]]
+        before = curve.control_points[-1] - curve.control_points[0]
+        if (ends[1] - ends[0]) @ before <= 0:
+            raise InputError(
+                f"the ends of curve {c}, on the picture's frame, would pass each other", code="bad-move"
+            )
+        control_points[own] = straight_line(ends[0], ends[1], curve.segments)
+
+
+def _recolored(image: VectorImage, recolor: Recolor) -> VectorImage:
+    """Shift all colours of a patch alike; coordinates sum to one, so the shift is the same everywhere.
+
+    A neighbour keeps its colours: the soft curves between them, which share theirs, become hard. Colours out
+    of gamut are clipped.
+    """
+    target = np.array(recolor.color, np.float64)
+    if target.shape != (3,) or not ((target >= 0) & (target <= 1)).all():
+        raise InputError(f"patch {recolor.patch} cannot have colour {recolor.color}", code="bad-color")
+    shift = target - mean_color(image, recolor.patch)
+    image = _with_hard_border(image, recolor.patch)
+    own_boundary = _boundary_unknowns(image.foundation, recolor.patch)
+    own_points = image.patch_of_points == recolor.patch
+    boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
+    boundary_colors[own_boundary] = np.clip(boundary_colors[own_boundary] + shift, 0, 1)
+    point_colors[own_points] = np.clip(point_colors[own_points] + shift, 0, 1)
+    edited = replace(image, boundary_colors=boundary_colors, point_colors=point_colors, report=None)
+    return _with_canvas(edited, image.canvas)
+
+
+def _with_hard_border(image: VectorImage, patch: int) -> VectorImage:
+    """The same picture with two sets of colours on every curve between a patch and its neighbours."""
+    curves = image.network.curves
+    hard = image.hard | np.array([patch in (c.left, c.right) and not c.on_frame for c in curves])
+    if np.array_equal(hard, image.hard):
+        return image
+    space = color_space(image.network, hard)
+    foundation = replace(image.foundation, hard=hard, space=space)
+    boundary_colors = _renumbered(image.boundary_colors, image.foundation.space, space)
+    edited = replace(image, hard=hard, boundary_colors=boundary_colors)
+    return _with_canvas(edited, replace(image.canvas, foundation=foundation))
+
+
+def _renumbered(colors: Floats, old: ColorSpace, new: ColorSpace) -> Floats:
+    result = np.zeros((new.size, 3))
+    inside = new.of_control >= 0
+    result[new.of_control[inside]] = colors[old.of_control[inside]]
+    return result
+
+
+def _boundary_unknowns(foundation: Foundation, patch: int) -> Ints:
+    """The colours of a patch's side of its curves."""
+    offsets, of_control = foundation.samples.offsets, foundation.space.of_control
+    own = [
+        of_control[side, offsets[c] : offsets[c + 1]]
+        for c, curve in enumerate(foundation.network.curves)
+        for side, region in ((RIGHT, curve.right), (LEFT, curve.left))
+        if region == patch
+    ]
+    return np.unique(np.concatenate(own))
+
+
+def _patch_canvas(canvas: Canvas, patch: int) -> tuple[Canvas, Ints]:
+    """The part of a canvas that belongs to one patch, and which control points that patch has."""
+    mesh = canvas.mesh
+    part, kept = patch_mesh(mesh, patch)
+    points = kept[part.n_samples : part.first_free] - mesh.n_samples
+    free = kept[part.first_free :] - mesh.first_free
+    blend = Blend(canvas.blend.boundary[free], canvas.blend.points[free][:, points])
+    places = canvas.places[kept[part.n_samples :] - mesh.n_samples]
+    return Canvas(canvas.foundation, part, blend, places), points
+
+
+def _checked_patch(image: VectorImage, patch: int) -> int:
+    if not 0 <= patch < len(image.labels):
+        last = len(image.labels) - 1
+        raise InputError(f"there is no patch {patch}: they count from 0 to {last}", code="unknown-patch")
+    return patch
