@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gcvec import bspline
-from gcvec.borders import Loop
 from gcvec.export.patch_rasters import PatchRaster, patch_rasters
 from gcvec.vector_image import VectorImage
 
@@ -78,7 +77,7 @@ def _beziers(image: VectorImage) -> list[Ints]:
     return [np.rint(points * 10**DIGITS).astype(np.int64) for points in exact]
 
 
-def _loop(loop: Loop, beziers: list[Ints]) -> str:
+def _loop(loop: tuple[tuple[int, bool], ...], beziers: list[Ints]) -> str:
     """A closed subpath in relative coordinates: differences of rounded ones, so that no error adds up."""
     segments = np.concatenate([beziers[c] if forward else beziers[c][::-1, ::-1] for c, forward in loop])
     path = "M" + _numbers(segments[0, 0])
