@@ -87,7 +87,7 @@ class _Painted:
 
 
 def _difference(coarse: Floats, fine: _Painted, ratio: int) -> float:
-    """Mean absolute difference on the patch between the finest raster and a coarser one between its samples."""
+    """Mean absolute difference on the patch between the finest raster and an interpolated coarser one."""
     between = ndimage.zoom(coarse, (ratio, ratio, 1), order=1, mode="nearest", grid_mode=True)
     # Both have the same number of samples beyond the patch.
     first = MARGIN * (ratio - 1)
@@ -115,7 +115,7 @@ class _Painter:
 
 
 def _continued(painted: Floats) -> Floats:
-    """Colours `(h, w, 3)` of a raster whose fourth channel is coverage, continued beyond the covered samples."""
+    """Colours `(h, w, 3)` of a raster whose fourth channel is coverage, continued beyond what is covered."""
     coverage = painted[..., 3]
     covered = coverage > 1e-3
     distance, (row, column) = ndimage.distance_transform_edt(~covered, return_indices=True)

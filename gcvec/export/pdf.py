@@ -20,8 +20,8 @@ LARGEST_PAGE = 14400
 """The longest side of a page, points, that every reader accepts; a pixel is a point up to there."""
 
 STEP = 1 / 32.1
-"""Coordinates are multiples of this, pixels. An odd number, because PDFium leaves a gap beside a vertex that lies
-exactly on one of its scan lines."""
+"""Coordinates are multiples of this, pixels: an odd number, because PDFium leaves a gap beside a vertex that
+lies exactly on one of its scan lines."""
 
 BLEED = 0.06
 """How far the outermost vertices reach beyond the page, pixels."""
