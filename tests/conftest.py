@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from service.broker import private_broker, wait_until_ready
+from tests.browser import Browser
 
 
 @dataclass
@@ -60,6 +61,14 @@ def running_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runnin
     service = start_service(tmp_path_factory.mktemp("service") / "data", "--workers", "2")
     yield service
     assert service.stop() == 0
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One headless Chromium for all tests; without one they are skipped, or fail on CI."""
+    browser = Browser(tmp_path_factory.mktemp("browser"))
+    yield browser
+    browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -24,7 +24,12 @@ def render(
     ],
     output: Annotated[
         Path,
-        Option("-o", "--output", metavar="PICTURE", help="Its ending says what is written: .png, .json."),
+        Option(
+            "-o",
+            "--output",
+            metavar="PICTURE",
+            help="Its ending says what is written: .png, .svg, .pdf, .glb, .json.",
+        ),
     ],
     scale: Annotated[float, Option(help="PNG pixels a pixel of the photo.")] = 1.0,
     raw: Annotated[
@@ -54,8 +59,31 @@ def _png(image: VectorImage, scale: float, raw: bool) -> bytes:
     return png(image.render(scale, raw=raw))
 
 
+def _svg(image: VectorImage) -> bytes:
+    from gcvec.export.svg import svg
+
+    return svg(image)
+
+
+def _pdf(image: VectorImage) -> bytes:
+    from gcvec.export.pdf import pdf
+
+    return pdf(image)
+
+
+def _glb(image: VectorImage) -> bytes:
+    from gcvec.export.glb import glb
+
+    return glb(image)
+
+
 def _json(image: VectorImage) -> bytes:
     return json.dumps(image.description(), separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
-DOCUMENTS: dict[str, Callable[[VectorImage], bytes]] = {".json": _json}
+DOCUMENTS: dict[str, Callable[[VectorImage], bytes]] = {
+    ".svg": _svg,
+    ".pdf": _pdf,
+    ".glb": _glb,
+    ".json": _json,
+}

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.color_space import LEFT, RIGHT
+from gcvec.export.triangles import drawn_triangles
 from gcvec.planar_graph import OUTSIDE
 from gcvec.vector_image import VectorImage
 
 FORMAT = "gcvec/1"
-DRAWING_SCALE = 4.0
-"""The triangles that come along are flat enough for drawing at this scale."""
 
 
 def describe(image: VectorImage) -> dict[str, Any]:
@@ -113,10 +112,9 @@ def _patches(image: VectorImage) -> list[dict[str, Any]]:
 
 def _mesh(image: VectorImage) -> dict[str, Any]:
     """The canonical mesh as it is drawn: one entry a corner colour, so that hard edges stay sharp."""
-    vertices, triangles, colors, corner_color = image.gouraud(DRAWING_SCALE)
-    pairs, corner = np.unique(triangles.astype(np.int64) * len(colors) + corner_color, return_inverse=True)
+    drawn = drawn_triangles(image)
     return {
-        "positions": _rounded(vertices[pairs // len(colors)], 3),
-        "colors": _rounded(np.clip(colors[pairs % len(colors)], 0, 1), 4),
-        "triangles": corner.reshape(-1, 3).tolist(),
+        "positions": _rounded(drawn.positions, 3),
+        "colors": _rounded(drawn.colors, 4),
+        "triangles": drawn.corners.tolist(),
     }

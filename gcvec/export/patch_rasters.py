@@ -75,8 +75,7 @@ def _coarsest(painter: _Painter, finest: float) -> PatchRaster:
 
 @dataclass(frozen=True)
 class _Painted:
-    """A raster before rounding; `covered` `(h, w) bool` are the samples at least half of which the patch
-    fills."""
+    """A raster before rounding; the patch fills at least half of the samples `covered` `(h, w) bool`."""
 
     origin: Floats
     step: float
@@ -88,8 +87,7 @@ class _Painted:
 
 
 def _difference(coarse: Floats, fine: _Painted, ratio: int) -> float:
-    """Mean absolute difference on the patch between the finest raster and a coarser one, interpolated
-    bilinearly."""
+    """Mean absolute difference on the patch between the finest raster and an interpolated coarser one."""
     between = ndimage.zoom(coarse, (ratio, ratio, 1), order=1, mode="nearest", grid_mode=True)
     # Both have the same number of samples beyond the patch.
     first = MARGIN * (ratio - 1)
@@ -117,8 +115,7 @@ class _Painter:
 
 
 def _continued(painted: Floats) -> Floats:
-    """Colours `(h, w, 3)` of a raster whose fourth channel is coverage, continued from the nearest covered
-    sample."""
+    """Colours `(h, w, 3)` of a raster whose fourth channel is coverage, continued beyond what is covered."""
     coverage = painted[..., 3]
     covered = coverage > 1e-3
     distance, (row, column) = ndimage.distance_transform_edt(~covered, return_indices=True)

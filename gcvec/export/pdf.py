@@ -1,7 +1,7 @@
 """PDF: one page, painted by one shading of free-form Gouraud triangles (ISO 32000-1, 8.7.4.5.5).
 
-There are no clip paths, along which readers would leave hairlines. Most triangles share two vertices with
-the one before and store only the third, as its difference from the vertex before.
+There are no clip paths, along which readers would leave hairlines. Most triangles share two vertices with the
+one before and store only the third, as its difference from the vertex before.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ LARGEST_PAGE = 14400
 """The longest side of a page, points, that every reader accepts; a pixel is a point up to there."""
 
 STEP = 1 / 32.1
-"""Coordinates are multiples of this, pixels. PDFium leaves gaps where a vertex lies exactly on one of its
-scan lines: an odd number keeps that rare."""
+"""Coordinates are multiples of this, pixels: an odd number, because PDFium leaves a gap beside a vertex that
+lies exactly on one of its scan lines."""
 
 BLEED = 0.06
 """How far the outermost vertices reach beyond the page, pixels."""
@@ -114,8 +114,8 @@ def _chain(corners: NDArray[np.int64]) -> tuple[Bytes, NDArray[np.int64]]:
 def _differences(records: Bytes) -> bytes:
     """Rows as differences from the row above, each after its filter type: PNG's filter 2, "up"."""
     above = np.concatenate([np.zeros_like(records[:1]), records[:-1]])
-    filtered: Bytes = np.insert(records - above, 0, 2, axis=1)
-    return filtered.tobytes()
+    rows: Bytes = np.insert(records - above, 0, 2, axis=1)
+    return rows.tobytes()
 
 
 def _stream(entries: str, data: bytes) -> bytes:
@@ -123,8 +123,7 @@ def _stream(entries: str, data: bytes) -> bytes:
 
 
 def _file(objects: list[bytes]) -> bytes:
-    """The objects, numbered from 1, with the cross-reference table; the first is the root, the last the
-    information."""
+    """The objects, numbered from 1: the root first, the document information last."""
     file = bytearray(b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n")
     table = [b"0000000000 65535 f \n"]
     for number, content in enumerate(objects, 1):

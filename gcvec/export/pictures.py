@@ -20,8 +20,7 @@ def error_map(pixels: NDArray[np.uint8], image: VectorImage) -> NDArray[np.uint8
 
 
 def patch_overlay(image: VectorImage, scale: float = 1.0) -> NDArray[np.uint8]:
-    """The dimmed picture `(H, W, 3) uint8` under region outlines, parameter polygons, their vertices, and
-    control points."""
+    """The dimmed picture `(H, W, 3) uint8` under outlines, parameter polygons and control points."""
     picture = Image.fromarray((image.render(scale) * 0.55).astype(np.uint8))
     pen = ImageDraw.Draw(picture)
     samples = image.foundation.samples

@@ -1,7 +1,7 @@
 """SVG: one path a patch, with its exact Bézier outline, filled with a raster of the patch's own colours.
 
-SVG has no gradient that could express the colours of a patch: outlines are vector, shading is sampled. Every
-patch is stroked thinly with its own colours, so that no background shows where anti-aliased neighbours meet.
+SVG has no gradient that could express the colours of a patch: outlines are vector, shading is sampled.
+The same patches lie beneath once more, with a thin stroke, so that no background shows between neighbours.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gcvec import bspline
-from gcvec.borders import Loop
 from gcvec.export.patch_rasters import PatchRaster, patch_rasters
 from gcvec.vector_image import VectorImage
 
@@ -25,7 +24,7 @@ DIGITS = 2
 """Decimals of coordinates, pixels."""
 
 STROKE = 0.8
-"""Width of the stroke, pixels: each patch overlaps the ones before it by half of that."""
+"""Width of the stroke beneath, pixels."""
 
 JPEG_QUALITY = 96
 
@@ -38,13 +37,18 @@ def svg(image: VectorImage) -> bytes:
         _patch(k, image.labels[k], "".join(_loop(loop, beziers) for loop in image.network.loops[k]), samples)
         for k, samples in enumerate(patch_rasters(image))
     ]
+    beneath = "".join(
+        f'<use xlink:href="#patch{k}" stroke="url(#colors{k})"/>\n' for k in range(len(patches))
+    )
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" \
 width="{width}" height="{height}" viewBox="0 0 {width} {height}">
 <title>Vector image of {len(patches)} patches</title>
 <desc>Generalized Coons patches, written by gcvec. The outlines are exact Bézier curves. \
 The shading is sampled: SVG cannot express it.</desc>
-<g fill-rule="evenodd" stroke-width="{STROKE}" stroke-linejoin="round">
+<g fill-rule="evenodd">
+<g stroke-width="{STROKE}" stroke-linejoin="round">
+{beneath}</g>
 {"".join(patches)}</g>
 </svg>
 """.encode()
@@ -55,17 +59,20 @@ def _patch(number: int, label: str, outline: str, samples: PatchRaster) -> str:
     size = f'width="{width}" height="{height}"'
     # Only xlink:href: every reader knows it, some know nothing else, and data in both would double the file.
     return (
-        f'<pattern id="c{number}" patternUnits="userSpaceOnUse" x="{samples.x:g}" y="{samples.y:g}" {size}>'
+        f'<pattern id="colors{number}" patternUnits="userSpaceOnUse"'
+        f' x="{samples.x:g}" y="{samples.y:g}" {size}>'
         f'<image {size} preserveAspectRatio="none" xlink:href="{_data_url(samples.samples)}"/></pattern>\n'
         f'<path id="patch{number}" data-label={quoteattr(label)}'
-        f' fill="url(#c{number})" stroke="url(#c{number})" d="{outline}"/>\n'
+        f' fill="url(#colors{number})" d="{outline}"/>\n'
     )
 
 
 def _data_url(samples: NDArray[np.uint8]) -> str:
-    file = BytesIO()
-    Image.fromarray(samples).save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0, optimize=True)
-    return "data:image/jpeg;base64," + b64encode(file.getvalue()).decode()
+    jpeg, png = BytesIO(), BytesIO()
+    Image.fromarray(samples).save(jpeg, "JPEG", quality=JPEG_QUALITY, subsampling=0, optimize=True)
+    Image.fromarray(samples).save(png, "PNG", optimize=True)
+    kind, file = min(("jpeg", jpeg), ("png", png), key=lambda choice: choice[1].tell())
+    return f"data:image/{kind};base64,{b64encode(file.getvalue()).decode()}"
 
 
 def _beziers(image: VectorImage) -> list[Ints]:
@@ -78,7 +85,7 @@ def _beziers(image: VectorImage) -> list[Ints]:
     return [np.rint(points * 10**DIGITS).astype(np.int64) for points in exact]
 
 
-def _loop(loop: Loop, beziers: list[Ints]) -> str:
+def _loop(loop: tuple[tuple[int, bool], ...], beziers: list[Ints]) -> str:
     """A closed subpath in relative coordinates: differences of rounded ones, so that no error adds up."""
     segments = np.concatenate([beziers[c] if forward else beziers[c][::-1, ::-1] for c, forward in loop])
     path = "M" + _numbers(segments[0, 0])

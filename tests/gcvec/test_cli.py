@@ -103,6 +103,15 @@ def test_render_json(folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("vectorized")
+@pytest.mark.parametrize(("ending", "magic"), [("svg", b"<?xml"), ("pdf", b"%PDF-1.4"), ("glb", b"glTF")])
+def test_render_documents(folder: Path, tmp_path: Path, ending: str, magic: bytes) -> None:
+    file = tmp_path / f"a.{ending}"
+    run = gcvec("render", folder / "photo.gcv", "-o", file)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    assert file.read_bytes().startswith(magic)
+
+
+@pytest.mark.usefixtures("vectorized")
 def test_compare(folder: Path) -> None:
     run = gcvec("compare", folder / "photo.png", folder / "photo.gcv", "--json")
     assert (run.returncode, run.stderr) == (0, "")

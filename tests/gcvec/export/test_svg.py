@@ -1,0 +1,81 @@
+"""SVG as resvg and Chromium draw it, and as an editor reads it."""
+
+import re
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import resvg_py
+from defusedxml import ElementTree
+from PIL import Image
+
+from gcvec import VectorImage, bspline
+from gcvec.export.svg import svg
+from tests.browser import Browser
+from tests.gcvec.export.fidelity import SCALE, assert_faithful
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def test_resvg(image: VectorImage) -> None:
+    size = {"width": SCALE * image.width, "height": SCALE * image.height}
+    png = bytes(resvg_py.svg_to_bytes(svg_string=svg(image).decode(), **size))
+    assert_faithful(np.asarray(Image.open(BytesIO(png)).convert("RGB")), image)
+
+
+@pytest.mark.browser
+def test_chromium(image: VectorImage, browser: Browser, tmp_path: Path) -> None:
+    file = tmp_path / "picture.svg"
+    file.write_bytes(svg(image))
+    with browser.page(image.width, image.height, SCALE) as page:
+        page.open(file.as_uri())
+        assert_faithful(page.screenshot(), image)
+        assert page.errors == []
+
+
+def test_one_path_a_patch_with_its_label(image: VectorImage) -> None:
+    root = ElementTree.fromstring(svg(image))
+    paths = root.findall(f".//{SVG}path")
+    assert tuple(path.get("data-label") for path in paths) == image.labels
+    patterns = {pattern.get("id") for pattern in root.findall(f".//{SVG}pattern")}
+    assert {path.get("fill") for path in paths} == {f"url(#{name})" for name in patterns}
+    assert root.find(f"{SVG}title").text
+    assert "sampled" in root.find(f"{SVG}desc").text
+
+
+def test_outlines_are_the_curves(image: VectorImage) -> None:
+    root = ElementTree.fromstring(svg(image))
+    for patch, path in enumerate(root.findall(f".//{SVG}path")):
+        loops = [points(subpath) for subpath in re.findall("M[^M]*z", path.get("d"))]
+        assert len(loops) == len(image.network.loops[patch])
+        for loop, outline in zip(image.network.loops[patch], loops, strict=True):
+            truth = np.concatenate([along(image, *span) for span in loop])
+            assert np.abs(outline - truth).max() < 0.011
+
+
+def along(image: VectorImage, curve: int, forward: bool) -> np.ndarray:
+    """Five points on every segment of a curve, in walking order."""
+    spline = image.network.curves[curve]
+    u = np.arange(spline.segments)[:, None] + np.linspace(0, 1, 5)
+    places = bspline.evaluate(spline.control_points, u.ravel(), spline.closed)
+    return places if forward else places[::-1]
+
+
+def points(subpath: str) -> np.ndarray:
+    """Five points on every segment of a subpath of lines and cubics in relative coordinates."""
+    tokens = re.findall(r"[MlczL]|-?(?:\d*\.\d+|\d+)", subpath)
+    at, command, found = np.array([float(tokens[1]), float(tokens[2])]), "", []
+    t = np.linspace(0, 1, 5)[:, None]
+    rest = tokens[3:]
+    while rest[0] != "z":
+        if rest[0].isalpha():
+            command, rest = rest[0], rest[1:]
+        count = {"l": 2, "c": 6}[command]
+        steps = np.array(rest[:count], float).reshape(-1, 2)
+        rest = rest[count:]
+        end = at + steps[-1]
+        b, c = (at + steps[:2]) if command == "c" else (at + steps[0] / 3, at + steps[0] * 2 / 3)
+        found.append((1 - t) ** 3 * at + 3 * t * (1 - t) ** 2 * b + 3 * t**2 * (1 - t) * c + t**3 * end)
+        at = end
+    return np.concatenate(found)
