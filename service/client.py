@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping
+from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
@@ -63,13 +64,19 @@ class Client:
             time.sleep(_PAUSE_SECONDS)
 
     def download(self, link: str, path: Path) -> None:
-        """Fetch a file of a job."""
-        with self._http.stream("GET", link) as answer, path.open("wb") as file:
-            if answer.is_error:
+        """Fetch a file of a job; one that is made on demand is asked for until it is there."""
+        for _ in range(_PATIENCE):
+            with self._http.stream("GET", link) as answer:
+                if answer.is_success:
+                    with path.open("wb") as file:
+                        for part in answer.iter_bytes():
+                            file.write(part)
+                    return
                 answer.read()
-                _content(answer)
-            for part in answer.iter_bytes():
-                file.write(part)
+            if answer.status_code != HTTPStatus.CONFLICT:
+                break
+            time.sleep(float(answer.headers.get("Retry-After", _PAUSE_SECONDS)))
+        _content(answer)
 
     def _events(self, link: str, last: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """The events of a job after the one numbered `last`: id, kind and data of each."""

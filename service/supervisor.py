@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from typing import Final
 
 from worker.process import die_with
@@ -75,11 +76,14 @@ class Child:
         elif now >= self._restart_at:
             self._start()
 
-    def stop(self) -> None:
-        """Ask the child to end, and end it if it does not."""
+    def ask_to_stop(self) -> None:
+        """Ask the child to end."""
         logger.info("stopping %s", self.command.name)
         if self._process.poll() is None:
             self._process.send_signal(self.command.stop_signal)
+
+    def stop(self) -> None:
+        """Wait until the child that was asked to end has done so, and end it if it does not."""
         try:
             self._process.wait(self.command.stop_seconds)
         except subprocess.TimeoutExpired:
@@ -89,13 +93,13 @@ class Child:
 
 
 class Supervisor:
-    """Children in the order in which they depend on one another; they are stopped in the opposite order.
+    """Children in layers, each of which needs the earlier ones; they are stopped in the opposite order.
 
     Must live in the main thread: the kernel ends the children with the thread that started them.
     """
 
     def __init__(self) -> None:
-        self._children: list[Child] = []
+        self._layers: list[list[Child]] = []
         self._stopping = False
 
     def __enter__(self) -> Supervisor:
@@ -104,20 +108,26 @@ class Supervisor:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for child in reversed(self._children):
-            child.stop()
+        for layer in reversed(self._layers):
+            for child in layer:
+                child.ask_to_stop()
+            for child in layer:
+                child.stop()
 
     @property
     def stopping(self) -> bool:
         """Whether a signal has asked us to end."""
         return self._stopping
 
-    def start(self, command: Command) -> None:
-        self._children.append(Child(command))
+    def start(self, *commands: Command) -> None:
+        """Start a layer of children."""
+        self._layers.append([])
+        for command in commands:
+            self._layers[-1].append(Child(command))
 
     def look_after(self) -> None:
         """Look at every child once, then rest a moment."""
-        for child in self._children:
+        for child in chain.from_iterable(self._layers):
             child.look_after()
         time.sleep(_LOOK_SECONDS)
 

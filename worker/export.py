@@ -13,10 +13,15 @@ from gcvec.export.png import png
 from worker import storage
 
 
-@lru_cache(maxsize=1)
 def load_image(store: ObjectStore, path: str) -> VectorImage:
-    """The vector image stored at `path`. Whoever asks for one export often asks for the next."""
-    return VectorImage.from_bytes(storage.read(store, path))
+    """The vector image stored at `path`."""
+    return _decoded(storage.read(store, path))
+
+
+@lru_cache(maxsize=1)
+def _decoded(data: bytes) -> VectorImage:
+    """The last image is kept: whoever asks for one export often asks for the next."""
+    return VectorImage.from_bytes(data)
 
 
 def export(image: VectorImage, kind: str, scale: float) -> bytes:

@@ -49,8 +49,7 @@ def serve(
             environment["GCVEC_BROKER_URL"] = broker.url
             if not wait_until_ready(broker.url, _READY_SECONDS):
                 raise RuntimeError("the private broker does not start")
-        for command in _commands(environment, listener, workers or os.cpu_count() or 1):
-            supervisor.start(command)
+        supervisor.start(*_commands(environment, listener, workers or os.cpu_count() or 1))
         _announce(supervisor, listener)
         while not supervisor.stopping:
             supervisor.look_after()

@@ -12,7 +12,7 @@ from typer import Argument, Option
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 from service.client import Client, problem_error
-from worker.artifacts import KINDS
+from worker.artifacts import EXPORTS, KINDS
 
 
 def submit(
@@ -60,8 +60,7 @@ def submit(
                 raise problem_error(job["error"] or {"status": 500, "detail": f"the job was {job['status']}"})
             for warning in job["warnings"]:
                 print(f"gcvec: warning: {image}: {warning}", file=sys.stderr)
-            for name, link in job["links"].items():
-                if name in KINDS:
-                    client.download(link, output / KINDS[name].filename)
+            for name, kind in (KINDS | EXPORTS).items():
+                client.download(job["links"][name], output / kind.filename)
     except HTTPError as error:
         raise RuntimeError(f"{url}: {error}") from error

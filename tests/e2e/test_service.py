@@ -13,14 +13,18 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import jsonschema
 import numpy as np
 import pytest
 from PIL import Image
 
+from gcvec import VectorImage
 from tests.conftest import RunningService
-from worker.artifacts import KINDS
+from worker.artifacts import EXPORTS, KINDS
 
 pytestmark = pytest.mark.service
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -93,6 +97,7 @@ def test_a_photo_becomes_patches(api: httpx.Client, photo: bytes) -> None:
     assert {answer.status_code for answer in files.values()} == {200}
 
     result, report = files["result"].json(), files["report"].json()
+    jsonschema.validate(result, json.loads((ROOT / "openapi" / "result.schema.json").read_text()))
     assert result["format"] == "gcvec/1"
     assert result["patches"]
     assert report["image"] == {"width": 128, "height": 128}
@@ -107,6 +112,39 @@ def test_a_photo_becomes_patches(api: httpx.Client, photo: bytes) -> None:
     assert mse == pytest.approx(report["mse"], abs=0.05)
     for name in ("error", "patches"):
         assert Image.open(io.BytesIO(files[name].content)).size == (128, 128)
+
+
+@pytest.fixture(scope="module")
+def finished(running_service: RunningService, photo: bytes) -> dict[str, Any]:
+    """A job that has succeeded."""
+    with httpx.Client(base_url=running_service.url, timeout=60) as api:
+        job = submit(api, photo, target_mse=60)
+        link = f"{job['links']['self']}?wait=30"
+        while (job := api.get(link).json())["status"] in ("queued", "running"):
+            pass
+    assert job["status"] == "succeeded", job
+    return job
+
+
+@pytest.mark.parametrize(("name", "start"), [("svg", b"<"), ("pdf", b"%PDF-"), ("glb", b"glTF")])
+def test_exports_are_made_when_they_are_asked_for(
+    api: httpx.Client, finished: dict[str, Any], name: str, start: bytes
+) -> None:
+    answer = api.get(finished["links"][name])
+    assert answer.status_code == 200, answer.text
+    assert answer.content.startswith(start)
+    assert answer.headers["content-type"] == EXPORTS[name].media_type
+    again = api.get(finished["links"][name], headers={"If-None-Match": answer.headers["etag"]})
+    assert again.status_code == 304
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.25])
+def test_a_preview_is_drawn_at_any_scale(api: httpx.Client, finished: dict[str, Any], scale: float) -> None:
+    gcv = VectorImage.from_bytes(api.get(finished["links"]["gcv"]).content)
+    answer = api.get(finished["links"]["preview"], params={"scale": scale})
+    assert answer.status_code == 200, answer.text
+    drawn = np.asarray(Image.open(io.BytesIO(answer.content)))
+    assert np.array_equal(drawn, gcv.render(scale))
 
 
 def test_a_running_job_is_cancelled_within_a_second(
@@ -134,7 +172,9 @@ def test_the_command_line_client_fetches_everything(
     done = gcvec_submit(running_service, tmp_path, "photo.png", "-a", "photo.xml", "--target-mse", "50")
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
     assert "outside" in done.stderr
-    assert {file.name for file in (tmp_path / "out").iterdir()} == {kind.filename for kind in KINDS.values()}
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {
+        kind.filename for kind in (KINDS | EXPORTS).values()
+    }
 
 
 def test_the_command_line_client_names_what_is_wrong(
