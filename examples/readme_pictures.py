@@ -1,4 +1,4 @@
-"""The pictures of README.md, from the sample photo: `python -m examples.readme_pictures` writes them to docs/figures/."""
+"""The pictures of README.md: `python -m examples.readme_pictures` writes them to docs/figures/."""
 
 from __future__ import annotations
 

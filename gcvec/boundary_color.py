@@ -177,7 +177,8 @@ def _own_pixel(
 ) -> tuple[Ints, Ints]:
     """The first pixel of its own region that each sample meets on its way off the curve.
 
-    A curve may run a pixel or so beside the label map's border. Where no such pixel is near, the last one tried.
+    A curve may run a pixel or so beside the label map's border. Where no such pixel is near, the last one
+    tried.
     """
     y, x = _pixel(samples.position + OFFSETS[0] * outward * samples.normal, labels.shape)
     for offset in OFFSETS[1:]:

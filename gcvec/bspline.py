@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def _knot(i, m, closed):
+def _knot(i: int, m: int, closed: bool) -> float:
     k = i - 3
     if closed:
         return float(k)
@@ -132,7 +132,7 @@ def _lspia(samples, index, weight, control, n_fixed_ends, iterations, tolerance)
 
 
 @njit(cache=True, nogil=True)
-def _initial_polygon(samples, u, m, closed):
+def _initial_polygon(samples: Floats, u: Floats, m: int, closed: bool) -> Floats:
     """Samples at the Greville abscissae: where each control point has most weight."""
     n_control = m if closed else m + 3
     control = np.empty((n_control, samples.shape[1]))
@@ -141,7 +141,7 @@ def _initial_polygon(samples, u, m, closed):
             g = float((i - 1) % m)
         else:
             g = (_knot(i + 1, m, False) + _knot(i + 2, m, False) + _knot(i + 3, m, False)) / 3.0
-        j = min(max(np.searchsorted(u, g), 1), len(u) - 1)
+        j = min(max(int(np.searchsorted(u, g)), 1), len(u) - 1)
         span = u[j] - u[j - 1]
         t = (g - u[j - 1]) / span if span > 0 else 0.0
         control[i] = (1 - t) * samples[j - 1] + t * samples[j]

@@ -72,6 +72,12 @@ class Canvas:
         f = self.foundation
         return f.space.operator(f.network, drawing, self.mesh, self.blend)
 
+    @cached_property
+    def unit(self) -> tuple[Drawing, sparse.csr_array, Ints]:
+        """The drawing for output at the picture's own size, with its operator and corner colours."""
+        drawing = self.drawing()
+        return drawing, *self.operator(drawing)
+
     def coverage(self, drawing: Drawing) -> Coverage:
         network = self.foundation.network
         return Coverage(drawing.image, drawing.triangles, network.width, network.height)

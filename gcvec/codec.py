@@ -147,6 +147,7 @@ def _read(coder: Coder) -> VectorImage:
     ys, xs = np.nonzero(occupied)
     points = np.stack([xs, ys], axis=1).astype(np.int64)
     canvas = lay_canvas(foundation, points)
+    _demand(bool((canvas.mesh.patch >= 0).all()) and len(canvas.unit) > 0, "curves that do not fit together")
     point_colors = np.zeros((len(points), 3))
     _code_points(coder, canvas, steps, points, boundary_colors, point_colors)
     _demand(entropy.overrun(coder) == 0, "cut short")
@@ -284,4 +285,5 @@ def predicted_colors(foundation: Foundation, boundary_colors: Floats, points: In
     """Colours `(n, 3)` that the patches without interior control points have at pixels `points` `(n, 2)`."""
     bare = foundation.bare_canvas
     operator, corner_color = bare.operator(bare.drawing(flatness=np.inf))
-    return foundation.geometry.interpolate(points + 0.5, (operator @ boundary_colors)[corner_color])
+    colors: Floats = operator @ boundary_colors
+    return foundation.geometry.interpolate(points.astype(np.float64) + 0.5, colors[corner_color])

@@ -47,7 +47,7 @@ class NormalEquations:
 
 def energies(design: sparse.csr_array) -> Floats:
     """Squared sum of every column: the diagonal of BᵀB."""
-    return np.bincount(design.indices, design.data**2, design.shape[1])
+    return np.asarray(np.bincount(design.indices, design.data**2, design.shape[1]), np.float64)
 
 
 @njit(cache=True, nogil=True)

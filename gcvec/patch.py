@@ -144,7 +144,8 @@ def _blend_cluster(
     row, control, weight = coons(coordinates[:, :n], columns, edges, network, samples)
     boundary_entries.append((members[row], control, weight))
     vertex, column = np.nonzero(coordinates[:, n:])
-    point_entries.append((members[vertex], points[column] - mesh.n_samples, coordinates[vertex, n + column]))
+    own = (points[column] - mesh.n_samples).astype(np.int64)
+    point_entries.append((members[vertex], own, coordinates[vertex, n + column]))
 
 
 def _edges_by_patch(network: Network, samples: BoundarySamples) -> list[Ints]:

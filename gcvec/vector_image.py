@@ -98,8 +98,11 @@ class VectorImage:
         colour `(t, 3)` of each
         triangle's corners; vertices on hard edges have several colours.
         """
-        drawing = self.canvas.drawing(FLATNESS / scale)
-        operator, corner_color = self.canvas.operator(drawing)
+        if scale == 1:
+            drawing, operator, corner_color = self.canvas.unit
+        else:
+            drawing = self.canvas.drawing(FLATNESS / scale)
+            operator, corner_color = self.canvas.operator(drawing)
         return drawing.image, drawing.triangles, operator @ self.colors, corner_color
 
     def render(self, scale: float = 1.0, raw: bool = False) -> NDArray[np.uint8]:

@@ -12,7 +12,7 @@ from gcvec.io import check_size, read_annotations, read_picture
 SHARP = {"nostril", "shelf", "temple stripe"} | {
     f"{side} {part}" for side in ("left", "right") for part in ("lid", "iris", "pupil")
 }
-"""Regions with an edge that stands out from the fur; the others fade into their neighbours or are out of focus."""
+"""Regions with an edge that stands out from the fur; the others fade or are out of focus."""
 
 
 def sample() -> tuple[np.ndarray, dict[str, np.ndarray]]:
