@@ -73,12 +73,12 @@ class ColorSpace:
         n_points, n_free = mesh.n_points, len(mesh.vertices) - mesh.first_free
         own = np.arange(n_points)
         rows = [own, n_points + free.row, n_points + free_points.row]
-        columns: list[Ints] = [
+        columns: list[Any] = [
             self.size + own,
             self.of_control[free_side, free.col],
             self.size + free_points.col,
         ]
-        values = [np.ones(n_points), free.data, free_points.data]
+        values: list[Any] = [np.ones(n_points), free.data, free_points.data]
         rows.append(np.repeat(n_points + n_free + np.arange(len(vertex)), 4))
         columns.append(boundary.ravel())
         values.append(drawing.weight[vertex].ravel())

@@ -89,7 +89,7 @@ def _cover_triangle(corners, width, height, pixel, weights, count, scratch):
             r1 = 0.5 * (abs(gx1) + abs(gy1))
             r2 = 0.5 * (abs(gx2) + abs(gy2))
             r0 = 0.5 * (abs(gx1 + gx2) + abs(gy1 + gy2))
-            area = 1.0
+            area = 1.0 if twice_area > 0.0 else -1.0
             if b0 < r0 or b1 < r1 or b2 < r2:
                 if low >= x and high <= x + 1:
                     area, cx, cy = _area_centroid(strip, n)

@@ -11,7 +11,7 @@ from gcvec.canonical import Canvas, Foundation
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CLEARANCE = 0.3
+CLEARANCE = 0.15
 """Control points keep this far from the edges of their parameter polygon, pixels."""
 
 LEAST_COVER = 0.3

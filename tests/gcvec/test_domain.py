@@ -132,8 +132,7 @@ def test_samples_keep_spacing_and_sagitta(radius: float) -> None:
 def test_polygons_follow_curves_as_closely_as_their_level_says(level: int) -> None:
     curve = circle(40.0)
     network = Network(100, 100, 0, (curve,), ((),))
-    for _ in range(level):
-        network = raise_levels(network, [0])
+    network = with_levels(network, level)
     (curve,) = network.curves
     assert curve.level == level
     points = bspline.evaluate(curve.control_points, sample_parameters(curve), closed=True)
