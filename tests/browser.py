@@ -101,7 +101,7 @@ class Page:
             self.errors.append(json.dumps(about["exceptionDetails"]))
         elif name == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning", "assert"):
             self.errors.append(json.dumps(about["args"]))
-        elif name == "Log.entryAdded" and about["entry"]["level"] in ("error", "warning"):
+        elif name == "Log.entryAdded" and about["entry"]["level"] == "error":
             self.errors.append(json.dumps(about["entry"]))
 
     def resize(self, width: int, height: int, scale: float = 1, touch: bool = False) -> None:
