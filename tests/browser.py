@@ -130,6 +130,12 @@ class Page:
         data = b64decode(self.send("Page.captureScreenshot", format="png")["data"])
         return np.asarray(Image.open(BytesIO(data)).convert("RGB"))
 
+    def choose_file(self, selector: str, file: Path) -> None:
+        """Choose a file in a file field, as its user does."""
+        root = self.send("DOM.getDocument")["root"]["nodeId"]
+        node = self.send("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        self.send("DOM.setFileInputFiles", nodeId=node, files=[str(file)])
+
     def press(self, key: str) -> None:
         """Press and release a key, by the name that `KeyboardEvent.key` gives it."""
         text = {"text": key} if len(key) == 1 else {}

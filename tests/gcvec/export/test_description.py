@@ -49,7 +49,7 @@ def test_the_script_is_short_and_needs_only_numpy_and_pillow() -> None:
 
 
 def test_loops_run_along_the_curves(image: VectorImage) -> None:
-    """Spans follow on one another through the control points of the curves; polygons have a corner for each."""
+    """Spans follow on one another along the curves; polygons have a corner for each."""
     description = image.description()
     for patch in description["patches"]:
         for loop, polygon in zip(patch["loops"], patch["domain"], strict=True):
