@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
-from pathlib import Path
 
 from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
@@ -20,13 +19,12 @@ from service.idempotency import Idempotency
 from service.jobs import endpoints as jobs
 from service.jobs.repository import Changes, JobRepository, connect
 from service.jobs.uploads import LimitBody
+from service.pages import endpoints as pages
 from service.questions import Questions
 from service.revisions import endpoints as revisions
 from worker import storage
 from worker.app import create_celery
 from worker.settings import Settings, get_settings
-
-_STATIC = Path(__file__).parent / "static"
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -47,8 +45,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(revisions.router)
     app.include_router(health.router)
     app.include_router(metrics.router)
-    if _STATIC.is_dir():
-        app.mount("/", StaticFiles(directory=_STATIC, html=True), name="client")
+    app.include_router(pages.router)
+    app.mount("/", StaticFiles(directory=pages.STATIC), name="client")
     return app
 
 

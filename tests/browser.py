@@ -101,7 +101,7 @@ class Page:
             self.errors.append(json.dumps(about["exceptionDetails"]))
         elif name == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning", "assert"):
             self.errors.append(json.dumps(about["args"]))
-        elif name == "Log.entryAdded" and about["entry"]["level"] in ("error", "warning"):
+        elif name == "Log.entryAdded" and about["entry"]["level"] == "error":
             self.errors.append(json.dumps(about["entry"]))
 
     def resize(self, width: int, height: int, scale: float = 1, touch: bool = False) -> None:
@@ -129,6 +129,12 @@ class Page:
         """What the viewport shows, `(h, w, 3) uint8`."""
         data = b64decode(self.send("Page.captureScreenshot", format="png")["data"])
         return np.asarray(Image.open(BytesIO(data)).convert("RGB"))
+
+    def choose_file(self, selector: str, file: Path) -> None:
+        """Choose a file in a file field, as its user does."""
+        root = self.send("DOM.getDocument")["root"]["nodeId"]
+        node = self.send("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        self.send("DOM.setFileInputFiles", nodeId=node, files=[str(file)])
 
     def press(self, key: str) -> None:
         """Press and release a key, by the name that `KeyboardEvent.key` gives it."""

@@ -1,0 +1,57 @@
+"""The pages of the web client, and the uploaded picture that they compare with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import obstore
+from fastapi import APIRouter
+from fastapi.responses import FileResponse, StreamingResponse
+
+from service.deps import JobDep, ServicesDep
+from service.errors import ProblemError, documented
+from worker import storage
+
+STATIC: Final = Path(__file__).parents[1] / "static"
+
+_PAGE_HEADERS: Final = {
+    "Cache-Control": "no-cache",
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; style-src 'self'",
+}
+
+router = APIRouter(tags=["pages"])
+
+
+@router.get("/", include_in_schema=False)
+async def home() -> FileResponse:
+    """The upload form."""
+    return FileResponse(STATIC / "index.html", headers=_PAGE_HEADERS)
+
+
+@router.get("/v1/jobs/{job_id}/view", include_in_schema=False)
+async def view(job_id: str) -> FileResponse:
+    """The page of a job, which asks for the job itself."""
+    return FileResponse(STATIC / "view.html", headers=_PAGE_HEADERS)
+
+
+@router.get(
+    "/v1/jobs/{job_id}/image",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"application/octet-stream": {}}}, **documented(401, 404, 410, 429)},
+    summary="The uploaded picture",
+    tags=["jobs"],
+)
+async def get_image(job: JobDep, services: ServicesDep) -> StreamingResponse:
+    """The picture as it was uploaded."""
+    try:
+        found = await obstore.get_async(services.store, storage.image_path(job.id))
+    except FileNotFoundError:
+        raise ProblemError("gone", "the job has expired or was deleted") from None
+    headers = {
+        "Cache-Control": "private, max-age=3600",
+        "Content-Disposition": "attachment",
+        "Content-Length": str(found.meta["size"]),
+        "X-Content-Type-Options": "nosniff",
+    }
+    return StreamingResponse(found.stream(), headers=headers, media_type="application/octet-stream")

@@ -1,0 +1,97 @@
+/** The upload form and the list of recent jobs. */
+
+const element = (id) => document.getElementById(id);
+const NUMBERS = ["target_mse", "max_points", "regions"];
+
+function options() {
+  const chosen = {};
+  for (const name of NUMBERS) if (element(name).value !== "") chosen[name] = Number(element(name).value);
+  if (element("strategy").value) chosen.strategy = element("strategy").value;
+  return chosen;
+}
+
+async function submit(event) {
+  event.preventDefault();
+  const body = new FormData();
+  body.append("image", element("image").files[0]);
+  const [annotations] = element("annotations").files;
+  if (annotations) body.append("annotations", annotations);
+  body.append("options", JSON.stringify(options()));
+  busy(true);
+  try {
+    const answer = await fetch("/v1/jobs", { method: "POST", body });
+    const content = await answer.json();
+    if (!answer.ok) throw new Error(content.detail || content.title);
+    location.assign(`${content.links.self}/view`);
+  } catch (error) {
+    element("error").textContent = error.message;
+    element("error").hidden = false;
+    busy(false);
+  }
+}
+
+function busy(yes) {
+  element("submit").disabled = yes;
+  element("submit").textContent = yes ? "Uploading…" : "Vectorize";
+  if (yes) element("error").hidden = true;
+}
+
+function showChoice() {
+  const [file] = element("image").files;
+  const thumbnail = element("thumbnail");
+  if (thumbnail.src) URL.revokeObjectURL(thumbnail.src);
+  thumbnail.hidden = true;
+  element("image-name").textContent = file ? file.name : "Choose a photo or drop it here";
+  if (!file) return;
+  thumbnail.onload = () => (thumbnail.hidden = false);
+  thumbnail.src = URL.createObjectURL(file);
+}
+
+function acceptDrops() {
+  const drop = element("drop");
+  for (const name of ["dragenter", "dragover"]) {
+    drop.addEventListener(name, (event) => {
+      event.preventDefault();
+      drop.classList.add("over");
+    });
+  }
+  for (const name of ["dragleave", "drop"]) drop.addEventListener(name, () => drop.classList.remove("over"));
+  drop.addEventListener("drop", (event) => {
+    event.preventDefault();
+    if (!event.dataTransfer.files.length) return;
+    element("image").files = event.dataTransfer.files;
+    showChoice();
+  });
+}
+
+async function showRecent() {
+  const answer = await fetch("/v1/jobs?limit=12");
+  if (!answer.ok) return;
+  const { jobs } = await answer.json();
+  element("recent").hidden = !jobs.length;
+  element("jobs").replaceChildren(...jobs.map(jobItem));
+}
+
+function jobItem(job) {
+  const link = document.createElement("a");
+  link.href = `${job.links.self}/view`;
+  if (job.links.preview) {
+    const preview = new Image();
+    Object.assign(preview, { src: job.links.preview, alt: "", loading: "lazy" });
+    link.append(preview);
+  } else {
+    link.append(Object.assign(document.createElement("span"), { className: `status ${job.status}`, textContent: job.status }));
+  }
+  const time = document.createElement("time");
+  time.dateTime = job.created_at;
+  time.textContent = new Date(job.created_at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+  link.append(time);
+  const item = document.createElement("li");
+  item.append(link);
+  return item;
+}
+
+element("form").addEventListener("submit", submit);
+element("image").addEventListener("change", showChoice);
+acceptDrops();
+showRecent();

@@ -1,0 +1,217 @@
+/** The page of one job: its progress while it runs, then its patches. */
+
+import { GcvecView } from "./gcvec.js";
+
+const element = (id) => document.getElementById(id);
+const address = location.pathname.replace(/\/view\/?$/, "");
+
+const PHASES = {
+  queued: "Waiting for a worker",
+  regions: "Finding regions",
+  boundary: "Fitting boundary curves",
+  mesh: "Meshing patches",
+  refine: "Refining colours",
+  encode: "Writing the file",
+};
+const DOWNLOADS = {
+  gcv: ["gcvec file", "compact, editable"],
+  svg: ["SVG", "vector outlines, sampled shading"],
+  pdf: ["PDF", "Gouraud shading"],
+  glb: ["GLB", "3-D mesh"],
+  result: ["JSON", "complete description"],
+  preview: ["PNG", "as it is drawn"],
+  report: ["Report", "errors and times"],
+};
+const OVERLAY_KEYS = { o: "outlines", p: "polygons", c: "points" };
+
+async function start() {
+  try {
+    const job = await getJson(address);
+    await show(job);
+  } catch (error) {
+    showProblem("This job cannot be shown", error.message);
+  }
+}
+
+async function getJson(url) {
+  const answer = await fetch(url);
+  const content = await answer.json();
+  if (!answer.ok) throw new Error(content.detail || content.title);
+  return content;
+}
+
+async function show(job) {
+  if (job.status === "succeeded") return showResult(job);
+  if (job.status === "failed") return showProblem(job.error.title, job.error.detail);
+  if (job.status === "canceled") return showProblem("Canceled", "This job was canceled before it had finished.");
+  watch(job);
+}
+
+/* While it runs. */
+
+function watch(job) {
+  element("progress").hidden = false;
+  element("cancel").onclick = () => fetch(address, { method: "DELETE" });
+  showProgress(job.progress);
+  const events = new EventSource(job.links.events);
+  events.addEventListener("snapshot", (event) => showProgress(JSON.parse(event.data).progress));
+  events.addEventListener("progress", (event) => showProgress(JSON.parse(event.data)));
+  events.addEventListener("state", (event) => {
+    events.close();
+    element("progress").hidden = true;
+    show(JSON.parse(event.data)).catch((error) => showProblem("The result cannot be shown", error.message));
+  });
+}
+
+const errors = [];
+
+function showProgress(progress) {
+  const { phase = "queued", fraction = 0, mse = null, points = 0, iteration = 0 } = progress ?? {};
+  element("phase").textContent = PHASES[phase] ?? phase;
+  element("fraction").value = fraction;
+  document.title = `${Math.round(100 * fraction)}% · gcvec`;
+  if (mse === null) return;
+  element("mse").textContent = mse.toFixed(mse < 10 ? 2 : 1);
+  element("points").textContent = points.toLocaleString();
+  element("iteration").textContent = iteration;
+  errors.push(mse);
+  element("errors").setAttribute("d", chartOf(errors));
+}
+
+/** A falling line, logarithmic in the error. */
+function chartOf(values) {
+  const logs = values.map((value) => Math.log(Math.max(value, 0.1)));
+  const top = Math.max(...logs);
+  const span = Math.max(top - Math.min(...logs), 0.1);
+  const steps = Math.max(logs.length - 1, 1);
+  return logs.map((v, k) => `${k ? "L" : "M"}${(300 * k) / steps} ${5 + (80 * (top - v)) / span}`).join("");
+}
+
+function showProblem(title, detail) {
+  element("progress").hidden = true;
+  element("problem").hidden = false;
+  element("problem-title").textContent = title;
+  element("problem-detail").textContent = detail;
+  document.title = `${title} · gcvec`;
+}
+
+/* When it is done. */
+
+async function showResult(job) {
+  element("summary").textContent = "Loading the patches…";
+  const result = await getJson(job.links.result);
+  element("canvas").hidden = false;
+  const view = new GcvecView(element("canvas"));
+  element("tools").hidden = false;
+  view.padding = { top: 16, right: 16, bottom: element("tools").offsetHeight + 32, left: 16 };
+  view.load(result);
+  window.gcvec = view; // for the curious, in the console
+  element("result-menu").hidden = false;
+  showDetails(job, result);
+  showDownloads(job);
+  connectTools(view);
+  await connectOriginal(view, `${address}/image`);
+}
+
+function showDetails(job, { image, patches, metrics, seconds, warnings }) {
+  const size = `${image.width} × ${image.height}`;
+  element("summary").textContent = `${size} · ${patches.length.toLocaleString()} patches`;
+  document.title = `${size} · gcvec`;
+  const kilobytes = metrics.bytes ? `${(metrics.bytes / 1000).toFixed(1)} kB` : null;
+  const rows = [
+    ["Size", `${size} px`],
+    ["Patches", patches.length],
+    ["Control points", metrics.points],
+    ["File", kilobytes],
+    ["Mean squared error", metrics.mse?.toFixed(2)],
+    ["PSNR", metrics.psnr && `${metrics.psnr.toFixed(1)} dB`],
+    ["SSIM", metrics.ssim?.toFixed(4)],
+    ["Fold-overs", metrics.foldovers],
+    ["Time", seconds.total && `${seconds.total.toFixed(1)} s`],
+  ];
+  for (const [name, value] of rows) {
+    if (value === null || value === undefined) continue;
+    const row = document.createElement("div");
+    row.append(Object.assign(document.createElement("dt"), { textContent: name }));
+    row.append(Object.assign(document.createElement("dd"), { textContent: value.toLocaleString() }));
+    element("metrics").append(row);
+  }
+  const all = [...new Set([...job.warnings, ...warnings])];
+  element("warnings").hidden = !all.length;
+  element("warnings").append(...all.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+}
+
+function showDownloads(job) {
+  for (const [name, [title, hint]] of Object.entries(DOWNLOADS)) {
+    if (!job.links[name]) continue;
+    const link = Object.assign(document.createElement("a"), { href: job.links[name], download: "" });
+    link.append(Object.assign(document.createElement("strong"), { textContent: title }));
+    link.append(Object.assign(document.createElement("small"), { textContent: hint }));
+    const item = document.createElement("li");
+    item.append(link);
+    element("downloads").append(item);
+  }
+}
+
+function connectTools(view) {
+  const { canvas } = view;
+  const showZoom = () => (element("zoom").textContent = `${Math.round(view.scale * 100)}%`);
+  canvas.addEventListener("viewchange", showZoom);
+  showZoom();
+  element("zoom-in").onclick = () => view.zoom(1.5);
+  element("zoom-out").onclick = () => view.zoom(1 / 1.5);
+  element("fit").onclick = () => view.fit();
+  const toggles = document.querySelectorAll("[data-overlay]");
+  for (const button of toggles) {
+    button.onclick = () => {
+      const shown = press(button);
+      for (const name of button.dataset.overlay.split(" ")) view.overlays[name] = shown;
+      view.redraw();
+    };
+  }
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const key = event.key.toLowerCase();
+    const overlay = OVERLAY_KEYS[key];
+    if (overlay) document.querySelector(`[data-overlay~=${overlay}]`).click();
+    else if (key === "x" && !element("compare-toggle").disabled) element("compare-toggle").click();
+    else if (key === "escape") closeMenus();
+  });
+  document.addEventListener("pointerdown", (event) => closeMenus(event.target));
+}
+
+function closeMenus(except) {
+  for (const menu of document.querySelectorAll("details.menu")) if (!menu.contains(except)) menu.open = false;
+}
+
+function press(button) {
+  const pressed = button.getAttribute("aria-pressed") !== "true";
+  button.setAttribute("aria-pressed", pressed);
+  return pressed;
+}
+
+/** The photo may be of a kind that browsers cannot show: then there is nothing to compare with. */
+async function connectOriginal(view, url) {
+  const toggle = element("compare-toggle");
+  toggle.disabled = true;
+  const answer = await fetch(url);
+  if (!answer.ok) return;
+  const photo = await createImageBitmap(await answer.blob(), { imageOrientation: "from-image" }).catch(() => null);
+  if (!photo) return;
+  view.setOriginal(photo);
+  toggle.disabled = false;
+  const split = element("split");
+  const compare = () => {
+    view.split = toggle.getAttribute("aria-pressed") === "true" ? Number(split.value) : 0;
+    element("compare").hidden = !view.split && toggle.getAttribute("aria-pressed") !== "true";
+    element("compare").style.setProperty("--split", split.value);
+    view.redraw();
+  };
+  split.oninput = compare;
+  toggle.onclick = () => {
+    press(toggle);
+    compare();
+  };
+}
+
+start();

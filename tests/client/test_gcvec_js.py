@@ -1,0 +1,175 @@
+"""The drawing module alone, in a page of five lines, in headless Chromium."""
+
+from __future__ import annotations
+
+import json
+import threading
+from base64 import b64decode
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from io import BytesIO
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gcvec import VectorImage, bspline
+from tests.browser import Browser, Page
+from tests.pictures import HEIGHT, WIDTH, drawing, photo
+
+pytestmark = pytest.mark.browser
+
+STATIC = Path(__file__).parents[2] / "service" / "static"
+
+PAGE = """<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<link rel="icon" href="data:,">
+<style>body { margin: 0 } canvas { width: 100vw; height: 100vh; display: block }</style>
+<canvas></canvas>
+<script type="module">
+  import { GcvecView } from "./gcvec.js";
+  const view = new GcvecView(document.querySelector("canvas"), OPTIONS);
+  view.load(await (await fetch("result.json")).json());
+  window.view = view;
+</script>"""
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *arguments: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module", params=[photo, drawing], ids=lambda make: make.__name__)
+def image(request: pytest.FixtureRequest) -> VectorImage:
+    made: VectorImage = request.param()
+    return made
+
+
+@pytest.fixture
+def site(image: VectorImage, tmp_path: Path) -> Iterator[str]:
+    """A page that shows the image, served."""
+    folder = tmp_path / "site"
+    copytree(STATIC, folder)
+    (folder / "result.json").write_text(json.dumps(image.description()))
+    for name, options in (("webgl.html", "{}"), ("software.html", "{ software: true }")):
+        (folder / name).write_text(PAGE.replace("OPTIONS", options))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def open_page(page: Page, site: str, name: str) -> None:
+    page.open(f"{site}/{name}.html")
+    page.wait_for("window.view")
+
+
+def pixels(page: Page, x: float, y: float, scale: float) -> np.ndarray:
+    """What is on the canvas once it shows the picture from `x`, `y` on at `scale`, read back from it."""
+    data = page.evaluate(
+        f"view.look({x}, {y}, {scale}), view.draw(), view.canvas.toDataURL('image/png').split(',')[1]"
+    )
+    return np.asarray(Image.open(BytesIO(b64decode(data))).convert("RGB")).astype(int)
+
+
+@pytest.mark.parametrize("name", ["webgl", "software"])
+def test_it_draws_what_we_render(browser: Browser, image: VectorImage, site: str, name: str) -> None:
+    with browser.page(WIDTH, HEIGHT) as page:
+        open_page(page, site, name)
+        assert page.evaluate("view.accelerated") == (name == "webgl")
+        assert np.abs(pixels(page, 0, 0, 1) - image.render()).mean() <= 2
+        large = image.render(8)
+        for x, y in ((0, 0), (52, 36), (WIDTH * 7 / 8, HEIGHT * 7 / 8)):
+            part = large[int(8 * y) : int(8 * y) + HEIGHT, int(8 * x) : int(8 * x) + WIDTH]
+            off = np.abs(pixels(page, x, y, 8) - part)
+            assert off.mean() <= 2
+            assert (off.max(axis=2) > 24).mean() < 0.02
+        assert page.errors == []
+        assert {url for url in page.requests if not url.startswith((site, "data:"))} == set()
+
+
+def test_edges_are_multisampled(browser: Browser, site: str) -> None:
+    with browser.page(WIDTH, HEIGHT) as page:
+        open_page(page, site, "webgl")
+        context = "view.canvas.getContext('webgl2')"
+        assert page.evaluate(f"{context}.getParameter({context}.SAMPLES)") >= 4
+
+
+@pytest.mark.parametrize("name", ["webgl", "software"])
+def test_overlays_lie_where_the_curves_are(
+    browser: Browser, image: VectorImage, site: str, name: str
+) -> None:
+    with browser.page(WIDTH * 4, HEIGHT * 4) as page:
+        open_page(page, site, name)
+        plain = pixels(page, 0, 0, 4)
+        for overlay in ("outlines", "polygons", "points", "handles"):
+            page.evaluate(f"view.overlays.{overlay} = true")
+            shown = pixels(page, 0, 0, 4)
+            changed = (shown != plain).any(axis=2)
+            assert changed.any() or (overlay == "points" and not len(image.points))
+            page.evaluate(f"view.overlays.{overlay} = false")
+            if overlay == "outlines":
+                for curve in image.network.curves:
+                    u = np.linspace(0, curve.segments, 50)
+                    x, y = (bspline.evaluate(curve.control_points, u, curve.closed) * 4).T.astype(int)
+                    assert changed[y.clip(0, 4 * HEIGHT - 1), x.clip(0, 4 * WIDTH - 1)].all()
+        assert page.errors == []
+
+
+def state(page: Page) -> tuple[float, float, float]:
+    x, y, scale = page.evaluate("[view.x, view.y, view.scale]")
+    return x, y, scale
+
+
+def test_mouse_and_keys(browser: Browser, site: str) -> None:
+    with browser.page(WIDTH, HEIGHT) as page:
+        open_page(page, site, "webgl")
+        assert state(page) == (0, 0, 1)
+        page.wheel((30, 20), -500)
+        page.wait_for("view.scale > 2")
+        x, y, scale = state(page)
+        assert (x + 30 / scale, y + 20 / scale) == pytest.approx((30, 20))
+        page.drag((60, 40), (40, 50))
+        assert state(page) == pytest.approx((x + 20 / scale, y - 10 / scale, scale))
+        page.evaluate("view.canvas.focus()")
+        page.press("0")
+        assert state(page) == (0, 0, 1)
+        page.press("+")
+        assert state(page)[2] == 1.25
+        page.press("ArrowRight")
+        assert state(page)[0] == pytest.approx(12 + 60 / 1.25)
+        assert page.errors == []
+
+
+def test_pinch(browser: Browser, site: str) -> None:
+    with browser.page(WIDTH, HEIGHT, touch=True) as page:
+        open_page(page, site, "webgl")
+        page.touch("touchStart", (50, 40), (70, 40))
+        page.touch("touchMove", (40, 40), (80, 40))
+        page.touch("touchEnd")
+        x, y, scale = state(page)
+        assert scale == pytest.approx(2)
+        assert (x + 60 / scale, y + 40 / scale) == pytest.approx((60, 40))
+
+
+@pytest.mark.parametrize("name", ["webgl", "software"])
+def test_the_original_is_shown_left_of_the_split(browser: Browser, site: str, name: str) -> None:
+    with browser.page(WIDTH, HEIGHT) as page:
+        open_page(page, site, name)
+        plain = pixels(page, 0, 0, 1)
+        page.evaluate(f"""(() => {{
+            const green = new OffscreenCanvas({WIDTH}, {HEIGHT});
+            const context = green.getContext("2d");
+            context.fillStyle = "rgb(0 255 0)";
+            context.fillRect(0, 0, {WIDTH}, {HEIGHT});
+            view.setOriginal(green);
+            view.split = 0.25;
+        }})()""")
+        split = pixels(page, 0, 0, 1)
+        assert (split[:, : WIDTH // 4] == (0, 255, 0)).all()
+        assert (split[:, WIDTH // 4 :] == plain[:, WIDTH // 4 :]).all()
