@@ -11,6 +11,9 @@ from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
 from service import errors
+from service.access import browsers
+from service.access.gate import Gate
+from service.access.rates import Rates
 from service.artifacts import endpoints as artifacts
 from service.deps import Services
 from service.health import endpoints as health
@@ -39,6 +42,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.add_middleware(LimitBody, settings=settings)
+    app.add_middleware(Gate, settings=settings, state_of=app)
+    browsers.install(app, settings)
     errors.install(app)
     app.include_router(jobs.router)
     app.include_router(artifacts.router)
@@ -62,6 +67,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         changes=changes,
         questions=Questions(client, changes, queue),
         idempotency=Idempotency(client),
+        rates=Rates(client, settings.requests_per_minute),
         store=storage.open_store(settings.storage),
         queue=queue,
     )

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from celery import Celery
-from fastapi import Depends, Path, Request
+from fastapi import Depends, Path, Request, Security
+from fastapi.security import HTTPBearer
 from obstore.store import ObjectStore
 
+from service.access.rates import Rates
 from service.errors import ProblemError
 from service.idempotency import Idempotency
 from service.jobs.repository import Changes, JobRepository
@@ -26,6 +28,7 @@ class Services:
     changes: Changes
     questions: Questions
     idempotency: Idempotency
+    rates: Rates
     store: ObjectStore
     queue: Celery
 
@@ -35,8 +38,13 @@ def get_services(request: Request) -> Services:
     return services
 
 
-def get_owner() -> str:
-    return "anyone"
+_BEARER = HTTPBearer(auto_error=False, description="An API key. A service on loopback may need none.")
+
+
+def get_owner(request: Request, _: Annotated[object, Security(_BEARER)]) -> str:
+    """Whose request it is, as `service.access.gate` has found out."""
+    owner: str = request.state.owner
+    return owner
 
 
 ServicesDep = Annotated[Services, Depends(get_services)]

@@ -8,6 +8,7 @@ from gcvec.errors import InputError
 
 TITLES: dict[str, tuple[int, str]] = {
     "unauthorized": (401, "A valid API key is needed"),
+    "forbidden": (403, "This is not allowed from here"),
     "not-found": (404, "There is no such thing here"),
     "method-not-allowed": (405, "This method is not allowed here"),
     "not-ready": (409, "The job has not finished"),
@@ -15,6 +16,7 @@ TITLES: dict[str, tuple[int, str]] = {
     "in-flight": (409, "The same request is being handled"),
     "gone": (410, "The job has expired or was deleted"),
     "too-large": (413, "The upload is larger than the limit"),
+    "quota-exceeded": (413, "Too much is stored for this key"),
     "picture-too-large": (413, "The picture is larger than the limit"),
     "annotations-too-large": (413, "The annotations are larger than the limit"),
     "range-not-satisfiable": (416, "The range lies outside the file"),
@@ -24,6 +26,7 @@ TITLES: dict[str, tuple[int, str]] = {
     "bad-option": (422, "An option is not valid"),
     "unreadable-picture": (422, "The picture cannot be read"),
     "too-many-requests": (429, "Too many requests"),
+    "too-many-jobs": (429, "Too many unfinished jobs"),
     "worker-lost": (500, "The job's worker died repeatedly"),
     "internal-error": (500, "Something failed that should not"),
     "time-limit": (500, "The job ran longer than allowed"),

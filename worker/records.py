@@ -7,6 +7,8 @@ the workers (here) and the API's event loop (`service.jobs.repository`).
     gcvec:job:ID      the record             gcvec:jobs:OWNER  an owner's job ids by time of creation
     gcvec:events:ID   stream of its events   gcvec:active      ids of unfinished jobs by time of queueing
     gcvec:lease:ID    attempt now running    gcvec:expiry      ids of finished jobs by time of expiry
+    gcvec:unfinished:OWNER  ids of an owner's unfinished jobs
+    gcvec:stored      bytes stored by owner
     gcvec:changes     channel: "state ID" or "progress ID" of a job that has changed, "answer KEY"
     gcvec:totals      counted since the beginning: jobs by end, failures by cause, seconds by stage, points
 """
@@ -37,6 +39,8 @@ CHANGES: Final = "gcvec:changes"
 LEASE_SECONDS: Final = 8.0
 EVENTS_KEPT: Final = 10_000
 TOMBSTONE_SECONDS: Final = 30 * 86_400
+TOO_MANY_JOBS: Final = -1
+TOO_MANY_BYTES: Final = -2
 
 
 def record_key(job_id: str) -> str:
@@ -113,6 +117,21 @@ class Call:
     args: tuple[str | float, ...]
 
 
+_CREATE = """
+local owner = ARGV[2]
+local unfinished = 'gcvec:unfinished:' .. owner
+local most_jobs, most_bytes = tonumber(ARGV[5]), tonumber(ARGV[6])
+if most_jobs > 0 and redis.call('SCARD', unfinished) >= most_jobs then return -1 end
+local stored = tonumber(redis.call('HGET', 'gcvec:stored', owner) or '0') + ARGV[4]
+if most_bytes > 0 and stored > most_bytes then return -2 end
+redis.call('HSET', KEYS[1], unpack(ARGV, 7))
+redis.call('HINCRBY', 'gcvec:stored', owner, ARGV[4])
+redis.call('SADD', unfinished, ARGV[1])
+redis.call('ZADD', 'gcvec:active', ARGV[3], ARGV[1])
+redis.call('ZADD', 'gcvec:jobs:' .. owner, ARGV[3], ARGV[1])
+return 1
+"""
+
 _CLAIM = """
 local status = redis.call('HGET', KEYS[1], 'status')
 if status ~= 'queued' and status ~= 'running' then return 0 end
@@ -144,6 +163,8 @@ _FINISH = """
 local status = redis.call('HGET', KEYS[1], 'status')
 if status ~= 'queued' and status ~= 'running' then return 0 end
 if ARGV[2] ~= '' and redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[2] then return 0 end
+local owner = redis.call('HGET', KEYS[1], 'owner')
+local before = redis.call('HGET', KEYS[1], 'bytes')
 local number = redis.call('HINCRBY', KEYS[1], 'last_event', 1)
 redis.call('HSET', KEYS[1], 'status', ARGV[3], 'finished_at', ARGV[4], 'expires_at', ARGV[5])
 for i = 6, #ARGV, 2 do
@@ -151,6 +172,8 @@ for i = 6, #ARGV, 2 do
     if total then redis.call('HINCRBYFLOAT', 'gcvec:totals', total, ARGV[i + 1])
     else redis.call('HSET', KEYS[1], ARGV[i], ARGV[i + 1]) end
 end
+redis.call('HINCRBY', 'gcvec:stored', owner, redis.call('HGET', KEYS[1], 'bytes') - before)
+redis.call('SREM', 'gcvec:unfinished:' .. owner, ARGV[1])
 redis.call('HINCRBYFLOAT', 'gcvec:totals', 'finished:' .. ARGV[3], 1)
 redis.call('XADD', KEYS[3], number .. '-0', 'type', 'state', 'data', ARGV[3])
 redis.call('DEL', KEYS[2])
@@ -176,6 +199,7 @@ return 1
 _GROW = """
 if redis.call('HGET', KEYS[1], 'status') ~= 'succeeded' then return 0 end
 redis.call('HINCRBY', KEYS[1], 'bytes', ARGV[1])
+redis.call('HINCRBY', 'gcvec:stored', redis.call('HGET', KEYS[1], 'owner'), ARGV[1])
 return 1
 """
 
@@ -186,10 +210,15 @@ return redis.call('HINCRBY', KEYS[1], 'revisions', 1)
 
 _RETIRE = """
 local owner = redis.call('HGET', KEYS[1], 'owner')
-if not owner then return 0 end
+local bytes = redis.call('HGET', KEYS[1], 'bytes')
+if not bytes then return 0 end
 redis.call('DEL', KEYS[1], KEYS[2], KEYS[3])
-redis.call('HSET', KEYS[1], 'owner', owner)
-redis.call('EXPIRE', KEYS[1], ARGV[2])
+if ARGV[2] ~= '0' then
+    redis.call('HSET', KEYS[1], 'owner', owner)
+    redis.call('EXPIRE', KEYS[1], ARGV[2])
+end
+redis.call('HINCRBY', 'gcvec:stored', owner, 0 - bytes)
+redis.call('SREM', 'gcvec:unfinished:' .. owner, ARGV[1])
 redis.call('ZREM', 'gcvec:active', ARGV[1])
 redis.call('ZREM', 'gcvec:expiry', ARGV[1])
 redis.call('ZREM', 'gcvec:jobs:' .. owner, ARGV[1])
@@ -200,6 +229,17 @@ return 1
 
 def _keys(job_id: str) -> tuple[str, str, str]:
     return record_key(job_id), lease_key(job_id), events_key(job_id)
+
+
+def create(job: Job, *, most_jobs: int, most_bytes: int) -> Call:
+    """Write the record of a new job.
+
+    Returns `TOO_MANY_JOBS` or `TOO_MANY_BYTES` if the owner would have more unfinished jobs or more stored
+    than so much (0: no limit).
+    """
+    fields = [part for field in job.to_fields().items() for part in field]
+    start = (job.id, job.owner, job.created_at, job.bytes, most_jobs, most_bytes)
+    return Call(_CREATE, _keys(job.id), (*start, *fields))
 
 
 def claim(job_id: str) -> Call:
@@ -259,6 +299,11 @@ def revise(job_id: str) -> Call:
 def retire(job_id: str) -> Call:
     """Forget a job but for the fact that its owner had it."""
     return Call(_RETIRE, _keys(job_id), (job_id, TOMBSTONE_SECONDS))
+
+
+def discard(job_id: str) -> Call:
+    """Forget a job that could not be submitted."""
+    return Call(_RETIRE, _keys(job_id), (job_id, 0))
 
 
 def connect(broker_url: str, *, patient: bool) -> redis.Redis:

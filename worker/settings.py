@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from gcvec.io import Limits
 
+_SHORTEST_KEY: Final = 16
+
 
 class Settings(BaseSettings):
     """Settings shared by the API and the workers; the field names in capitals are the variables' names."""
 
-    model_config = SettingsConfigDict(env_prefix="GCVEC_", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="GCVEC_", frozen=True, hide_input_in_errors=True)
 
     broker_url: str = Field(
         default="redis://127.0.0.1:6379/0", description="Redis or Valkey server: queue, records, events"
@@ -29,9 +33,17 @@ class Settings(BaseSettings):
         default=(),
         description="comma-separated keys, each plain or as sha256:HEX; empty: open, on loopback only",
     )
+    metrics_open: bool = Field(default=False, description="whether /metrics needs no key")
+    cors_origins: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(), description="comma-separated origins whose pages may use the service"
+    )
     retention: timedelta = Field(
         default=timedelta(days=7), description="how long a finished job is kept (ISO 8601: P7D)"
     )
+
+    requests_per_minute: int = Field(default=6_000, ge=0, description="of one key; 0: no limit")
+    max_unfinished_jobs: int = Field(default=1_000, ge=0, description="of one key; 0: no limit")
+    max_stored_bytes: int = Field(default=20_000_000_000, ge=0, description="of one key; 0: no limit")
 
     max_upload_bytes: int = Field(default=25_000_000, gt=0, description="largest picture or annotation file")
     max_pixels: int = Field(default=64_000_000, gt=0, description="most pixels of a picture")
@@ -47,12 +59,19 @@ class Settings(BaseSettings):
     job_attempts: int = Field(default=3, gt=0, description="how often a job is started before it is given up")
     job_threads: int = Field(default=1, gt=0, description="most threads one job may use")
 
-    @field_validator("api_keys", mode="before")
+    @field_validator("api_keys", "cors_origins", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         return (
-            tuple(key.strip() for key in value.split(",") if key.strip()) if isinstance(value, str) else value
+            tuple(part.strip() for part in value.split(",") if part.strip())
+            if isinstance(value, str)
+            else value
         )
+
+    @field_validator("api_keys")
+    @classmethod
+    def _digested(cls, keys: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(map(_digest, keys))
 
     @field_validator("retention", mode="before")
     @classmethod
@@ -63,6 +82,17 @@ class Settings(BaseSettings):
     def storage(self) -> str:
         """The storage URL in force: the one set, else a folder under `data_dir`."""
         return self.storage_url or (self.data_dir.absolute() / "storage").as_uri()
+
+
+def _digest(key: str) -> str:
+    """``sha256:HEX`` of a key given so or plain. Raises ValueError, which does not repeat the key."""
+    if key.startswith("sha256:"):
+        if not re.fullmatch("sha256:[0-9a-f]{64}", key.lower()):
+            raise ValueError("an API key given as sha256: needs 64 hexadecimal digits")
+        return key.lower()
+    if len(key) < _SHORTEST_KEY:
+        raise ValueError(f"an API key needs at least {_SHORTEST_KEY} characters")
+    return f"sha256:{hashlib.sha256(key.encode()).hexdigest()}"
 
 
 @lru_cache

@@ -66,7 +66,7 @@ def _serve(name: str, kind: Kind, dependency: Any, prefix: str) -> None:
             200: {"content": {kind.media_type: {}}, "model": _MODELS.get(name)},
             206: {"description": "The part asked for", "content": {kind.media_type: {}}},
             304: {"description": "The client has it"},
-            **documented(401, 404, 409, 410, 416, 422, 429, 500, 503),
+            **documented(401, 403, 404, 409, 410, 416, 422, 429, 500, 503),
         },
     )
 

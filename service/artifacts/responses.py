@@ -25,7 +25,6 @@ async def file_response(
         "ETag": etag,
         "Accept-Ranges": "bytes",
         "Cache-Control": "private, no-cache",
-        "X-Content-Type-Options": "nosniff",
         **headers,
     }
     if _lists(request.headers.get("if-none-match"), etag):

@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import Annotated, Final
 from urllib.error import URLError
 
+from pydantic import ValidationError
 from typer import Option
 
 from gcvec.errors import InputError
+from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
 from service.supervisor import Command, Supervisor
 from worker.app import JOBS_QUEUE, SHORT_QUEUE
@@ -39,7 +41,8 @@ def serve(
     GCVEC_RETENTION and the limits are read from the environment too.
     """
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s", stream=sys.stderr)
-    settings = Settings(data_dir=data)
+    settings = _settings(data)
+    _check_open(settings, host)
     data.mkdir(parents=True, exist_ok=True)
     with _locked(data), closing(_listen(host, port)) as listener, Supervisor() as supervisor:
         environment = {"GCVEC_DATA_DIR": str(data.absolute()), "GCVEC_STORAGE_URL": settings.storage}
@@ -53,6 +56,28 @@ def serve(
         _announce(supervisor, listener)
         while not supervisor.stopping:
             supervisor.look_after()
+
+
+def _settings(data: Path) -> Settings:
+    """The settings of the environment. Raises InputError naming the variable that is wrong."""
+    try:
+        return Settings(data_dir=data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = f"GCVEC_{first['loc'][0]}".upper()
+        raise InputError(f"{name}: {first['msg']}", code="bad-option") from None
+
+
+def _check_open(settings: Settings, host: str) -> None:
+    """Say so if the service asks for no key. Raises InputError if more than this machine could reach it."""
+    if settings.api_keys:
+        return
+    if not is_loopback(host):
+        raise InputError(
+            f"{host} is not a loopback address: set GCVEC_API_KEYS before others can reach the service",
+            code="bad-option",
+        )
+    print("gcvec: no API keys are set: open to every program on this machine", file=sys.stderr)
 
 
 def _commands(environment: Mapping[str, str], listener: socket.socket, workers: int) -> tuple[Command, ...]:

@@ -11,7 +11,7 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from service.deps import OwnerDep, ServicesDep
+from service.deps import ServicesDep
 from service.errors import documented
 from service.jobs.repository import Figures
 
@@ -24,9 +24,9 @@ _MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
     "/metrics",
     summary="Figures for Prometheus",
     response_class=Response,
-    responses={200: {"content": {"text/plain": {}}}, **documented(401, 429, 503)},
+    responses={200: {"content": {"text/plain": {}}}, **documented(401, 403, 429, 503)},
 )
-async def metrics(_: OwnerDep, services: ServicesDep) -> Response:
+async def metrics(services: ServicesDep) -> Response:
     """Queue lengths, jobs by state and end, failures by cause, seconds by stage."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Figures(await services.jobs.figures()))

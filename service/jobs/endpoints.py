@@ -24,7 +24,7 @@ _RETRY_AFTER = "1"
     "",
     status_code=202,
     summary="Submit a picture",
-    responses=documented(400, 401, 409, 410, 413, 415, 422, 429, 503),
+    responses=documented(400, 401, 403, 409, 410, 413, 415, 422, 429, 503),
 )
 async def submit_job(
     services: ServicesDep,
@@ -50,7 +50,7 @@ async def submit_job(
     return JobView.of(job)
 
 
-@router.get("", summary="List jobs", responses=documented(401, 422, 429, 503))
+@router.get("", summary="List jobs", responses=documented(401, 403, 422, 429, 503))
 async def list_jobs(
     services: ServicesDep,
     owner: OwnerDep,
@@ -71,7 +71,7 @@ async def list_jobs(
     return JobPage(jobs=[JobView.of(job) for job in shown], next=following)
 
 
-@router.get("/{job_id}", summary="Look at a job", responses=documented(401, 404, 410, 422, 429, 503))
+@router.get("/{job_id}", summary="Look at a job", responses=documented(401, 403, 404, 410, 422, 429, 503))
 async def get_job(
     job: JobDep,
     services: ServicesDep,
@@ -92,7 +92,7 @@ async def get_job(
     responses={
         200: {"content": {"text/event-stream": {}}},
         204: {"description": "Nothing is to come"},
-        **documented(401, 404, 410, 422, 429, 503),
+        **documented(401, 403, 404, 410, 422, 429, 503),
     },
     summary="Watch a job",
 )
@@ -117,7 +117,7 @@ async def watch_job(
     "/{job_id}",
     status_code=204,
     summary="Cancel or delete a job",
-    responses=documented(401, 404, 410, 422, 429, 503),
+    responses=documented(401, 403, 404, 410, 422, 429, 503),
 )
 async def delete_job(job: JobDep, services: ServicesDep) -> None:
     """Cancel a job that has not finished; remove its input and results."""

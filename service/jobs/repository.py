@@ -78,22 +78,6 @@ class JobRepository:
         """Run one of the steps of `worker.records`."""
         return int(await self._client.register_script(call.script)(keys=call.keys, args=call.args))
 
-    async def create(self, job: Job) -> None:
-        """Write the record of a new job."""
-        async with self._client.pipeline(transaction=True) as pipeline:
-            pipeline.hset(record_key(job.id), mapping=job.to_fields())
-            pipeline.zadd(ACTIVE, {job.id: job.created_at})
-            pipeline.zadd(owner_key(job.owner), {job.id: job.created_at})
-            await pipeline.execute()
-
-    async def discard(self, job: Job) -> None:
-        """Remove every trace of a job that could not be submitted."""
-        async with self._client.pipeline(transaction=True) as pipeline:
-            pipeline.delete(record_key(job.id))
-            pipeline.zrem(ACTIVE, job.id)
-            pipeline.zrem(owner_key(job.owner), job.id)
-            await pipeline.execute()
-
     async def find(self, job_id: str) -> tuple[str | None, Job | None]:
         """The owner and the job; (owner, None) of a job that is gone, (None, None) of one that never was."""
         fields: Mapping[str, str] = await self._client.hgetall(record_key(job_id))

@@ -21,7 +21,7 @@ from service.jobs.schemas import JobView
 from service.jobs.uploads import Upload, check, request_of
 from worker import storage
 from worker.app import VECTORIZE
-from worker.records import Job, finish, retire
+from worker.records import TOO_MANY_BYTES, TOO_MANY_JOBS, Job, create, discard, finish, retire
 
 _PING_SECONDS = 15.0
 
@@ -54,7 +54,7 @@ async def _create(services: Services, owner: str, upload: Upload) -> Job:
     )
     try:
         await _keep_files(services, job, upload)
-        await services.jobs.create(job)
+        await _record(services, job)
         await to_thread.run_sync(_enqueue, services, job.id)
     except BaseException:
         await asyncio.shield(_undo(services, job))
@@ -68,6 +68,18 @@ async def _keep_files(services: Services, job: Job, upload: Upload) -> None:
         await obstore.put_async(services.store, storage.annotations_path(job.id), upload.annotations)
 
 
+async def _record(services: Services, job: Job) -> None:
+    settings = services.settings
+    limits = {"most_jobs": settings.max_unfinished_jobs, "most_bytes": settings.max_stored_bytes}
+    outcome = await services.jobs.run(create(job, **limits))
+    if outcome == TOO_MANY_JOBS:
+        detail = f"this key has {settings.max_unfinished_jobs} unfinished jobs, as many as it may"
+        raise ProblemError("too-many-jobs", detail, headers={"Retry-After": "10"})
+    if outcome == TOO_MANY_BYTES:
+        detail = f"this key may store {settings.max_stored_bytes / 1e6:g} MB: delete jobs or let them expire"
+        raise ProblemError("quota-exceeded", detail, headers={"Retry-After": "3600"})
+
+
 def _enqueue(services: Services, job_id: str) -> None:
     try:
         services.queue.send_task(VECTORIZE, [job_id], retry=False)
@@ -76,8 +88,9 @@ def _enqueue(services: Services, job_id: str) -> None:
 
 
 async def _undo(services: Services, job: Job) -> None:
+    # In this order: a record that the broker kept, but cannot be asked about now, still has its files.
+    await services.jobs.run(discard(job.id))
     await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
-    await services.jobs.discard(job)
 
 
 async def wait(services: Services, job: Job, seconds: float) -> Job:
@@ -97,7 +110,7 @@ async def wait(services: Services, job: Job, seconds: float) -> Job:
 async def delete(services: Services, job: Job) -> None:
     """Cancel the job if it has not finished, else forget it; either way its files go."""
     retention = services.settings.retention.total_seconds()
-    canceled = await services.jobs.run(finish(job.id, "canceled", retention=retention))
+    canceled = await services.jobs.run(finish(job.id, "canceled", retention=retention, bytes_stored=0))
     await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
     if not canceled and job.status != "canceled":
         await services.jobs.run(retire(job.id))

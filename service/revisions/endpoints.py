@@ -21,7 +21,9 @@ _EDIT_SECONDS = 50.0
 
 
 @router.post(
-    "/edits", summary="Edit a result", responses=documented(400, 401, 404, 409, 410, 413, 422, 429, 500, 503)
+    "/edits",
+    summary="Edit a result",
+    responses=documented(400, 401, 403, 404, 409, 410, 413, 422, 429, 500, 503),
 )
 async def edit_job(
     edits: Edits,
@@ -42,7 +44,7 @@ async def edit_job(
 @router.get(
     "/revisions/{revision}",
     summary="Look at a revision",
-    responses=documented(401, 404, 409, 410, 422, 429, 503),
+    responses=documented(401, 403, 404, 409, 410, 422, 429, 503),
 )
 async def get_revision(result: RevisedDep) -> RevisionView:
     """A revision's links."""

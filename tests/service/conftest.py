@@ -37,9 +37,9 @@ def api(settings: Settings) -> Iterator[httpx.Client]:
 
 
 @contextmanager
-def serving(settings: Settings) -> Iterator[httpx.Client]:
+def serving(settings: Settings, host: str = "127.0.0.1") -> Iterator[httpx.Client]:
     """The application on a free port, served from a thread of this process."""
-    listener = socket.create_server(("127.0.0.1", 0))
+    listener = socket.create_server((host, 0))
     server = uvicorn.Server(uvicorn.Config(create_app(settings), log_level="warning"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
     thread.start()

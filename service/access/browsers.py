@@ -1,0 +1,69 @@
+"""Middleware: what browsers may do with the answers of the service."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from fastapi import FastAPI
+from starlette.datastructures import MutableHeaders
+from starlette.middleware.cors import CORSMiddleware
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from worker.settings import Settings
+
+_DATA: Final = "default-src 'none'; frame-ancestors 'none'"
+_DRAWING: Final = f"{_DATA}; img-src data:; style-src 'unsafe-inline'; sandbox"
+_PAGE: Final = (
+    "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; "
+    "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+)
+_DOCS: Final = (
+    "default-src 'self'; script-src 'unsafe-inline' https://cdn.jsdelivr.net; img-src 'self' data: https:; "
+    "style-src 'unsafe-inline' https://cdn.jsdelivr.net; frame-ancestors 'none'"
+)
+_DOCS_PATHS: Final = ("/docs", "/redoc")
+_POLICIES: Final = {"text/html": _PAGE, "image/svg+xml": _DRAWING}
+
+_READABLE: Final = ["Location", "Retry-After", "ETag", "Content-Range", "Content-Disposition"]
+
+
+def install(app: FastAPI, settings: Settings) -> None:
+    """Compress answers, let pages of `cors_origins` read them, and head off what else browsers could do."""
+    app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=6)
+    if settings.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=settings.cors_origins,
+            allow_methods=["GET", "HEAD", "POST", "DELETE"],
+            allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "Last-Event-ID", "Range"],
+            expose_headers=_READABLE,
+            max_age=3600,
+        )
+    app.add_middleware(SafeHeaders)
+
+
+class SafeHeaders:
+    """Types are not guessed, answers not framed, scripts our own; a drawing opened by itself is inert."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def headed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                _complete(scope["path"], MutableHeaders(scope=message))
+            await send(message)
+
+        await self._app(scope, receive, headed if scope["type"] == "http" else send)
+
+
+def _complete(path: str, headers: MutableHeaders) -> None:
+    media_type = headers.get("content-type", "").partition(";")[0]
+    policy = _DOCS if path in _DOCS_PATHS else _POLICIES.get(media_type, _DATA)
+    headers.setdefault("Content-Security-Policy", policy)
+    headers.setdefault("X-Content-Type-Options", "nosniff")
+    headers.setdefault("Referrer-Policy", "no-referrer")
+    headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")
+    if "content-encoding" in headers and "etag" in headers:  # the tag is of the content as it is stored
+        headers["ETag"] = f"W/{headers['etag'].removeprefix('W/')}"

@@ -1,0 +1,68 @@
+"""What browsers are told to do with answers."""
+
+from __future__ import annotations
+
+import httpx
+import pytest
+
+from tests.service.conftest import Jobs, serving
+from worker import storage
+from worker.settings import Settings
+
+SVG = b"<svg xmlns='http://www.w3.org/2000/svg'><script>alert(1)</script></svg>" + b" " * 2000
+
+
+@pytest.fixture
+def drawing(jobs: Jobs) -> str:
+    job_id = jobs.finished(b"{}" * 2000)
+    storage.write_derived(jobs.store, job_id, 0, "result.svg", SVG)
+    return f"/v1/jobs/{job_id}/result.svg"
+
+
+@pytest.mark.parametrize("path", ["/livez", "/v1/jobs", "/v1/jobs/x", "/nothing", "/openapi.json"])
+def test_no_answer_is_guessed_at_framed_or_run(api: httpx.Client, path: str) -> None:
+    headers = api.get(path).headers
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["content-security-policy"] == "default-src 'none'; frame-ancestors 'none'"
+    assert headers["referrer-policy"] == "no-referrer"
+
+
+def test_a_drawing_opened_by_itself_can_do_nothing(api: httpx.Client, drawing: str) -> None:
+    answer = api.get(drawing)
+    assert answer.content == SVG
+    policy = {part.strip() for part in answer.headers["content-security-policy"].split(";")}
+    assert {"default-src 'none'", "sandbox"} <= policy
+    assert not any(part.startswith("script-src") for part in policy)
+    assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_text_is_compressed_pictures_and_parts_are_not(api: httpx.Client, jobs: Jobs, drawing: str) -> None:
+    answer = api.get(drawing)
+    assert answer.headers["content-encoding"] == "gzip"
+    assert answer.headers["etag"].startswith('W/"')
+    again = api.get(drawing, headers={"If-None-Match": answer.headers["etag"]})
+    assert again.status_code == 304
+    part = api.get(drawing, headers={"Range": "bytes=0-1499"})
+    assert (part.status_code, part.content) == (206, SVG[:1500])
+    preview = api.get(drawing.replace("result.svg", "preview.png"))
+    for whole in (part, preview, api.get(drawing, headers={"Accept-Encoding": "identity"})):
+        assert "content-encoding" not in whole.headers
+        assert not whole.headers["etag"].startswith("W/")
+
+
+def test_pages_of_other_origins_are_let_in_by_setting_only(api: httpx.Client, settings: Settings) -> None:
+    asked = {"Origin": "https://app.example", "Access-Control-Request-Method": "POST"}
+    assert "access-control-allow-origin" not in api.options("/v1/jobs", headers=asked).headers
+    origins = {"cors_origins": "https://app.example, https://b.example", "api_keys": "0123456789abcdef"}
+    with serving(Settings(**{**settings.model_dump(), **origins})) as client:
+        allowed = client.options(
+            "/v1/jobs", headers=asked | {"Access-Control-Request-Headers": "Authorization"}
+        )
+        assert allowed.status_code == 200
+        assert allowed.headers["access-control-allow-origin"] == "https://app.example"
+        answer = client.get("/v1/jobs", headers={"Origin": "https://app.example"})
+        assert answer.status_code == 401
+        assert answer.headers["access-control-allow-origin"] == "https://app.example"
+        assert "Retry-After" in answer.headers["access-control-expose-headers"]
+        other = client.get("/v1/jobs", headers={"Origin": "https://evil.example"})
+        assert "access-control-allow-origin" not in other.headers
