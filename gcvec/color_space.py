@@ -72,7 +72,7 @@ class ColorSpace:
 
         n_points, n_free = mesh.n_points, len(mesh.vertices) - mesh.first_free
         own = np.arange(n_points)
-        rows = [own, n_points + free.row, n_points + free_points.row]
+        rows: list[Any] = [own, n_points + free.row, n_points + free_points.row]
         columns: list[Any] = [
             self.size + own,
             self.of_control[free_side, free.col],

@@ -148,7 +148,7 @@ def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, In
     triangles, patch = mesh.triangles, mesh.patch
     if not len(segments):
         return triangles, patch
-    n = len(mesh.vertices)
+    n = len(mesh.vertices) + int(count.sum())
     keys = np.concatenate([segments[:, 0] * n + segments[:, 1], segments[:, 1] * n + segments[:, 0]])
     order = np.argsort(keys)
     keys = keys[order]

@@ -20,8 +20,8 @@ from gcvec.domain import (
     crossing_curves,
     polygon_edges,
     polygon_vertices,
-    raise_levels,
     sample_parameters,
+    with_levels,
 )
 from gcvec.localize import localized
 from gcvec.planar_graph import planar_graph
