@@ -149,3 +149,24 @@ def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:
     mesh = build_mesh(foundation.network, foundation.samples, points)
     places = foundation.geometry.to_image(mesh.vertices[mesh.n_samples :])
     return Canvas(foundation, mesh, blend(foundation.network, foundation.samples, mesh), places)
+
+
+def lay_unfolded_canvas(foundation: Foundation, points: Ints) -> tuple[Canvas, NDArray[np.bool_]]:
+    """A canvas without fold-over, and which of the points `(n,)` it kept.
+
+    Control points in triangles that turn over are left out; triangles that turn over without one ask for
+    parameter polygons closer to their curves, so the canvas may have another foundation.
+    """
+    kept = np.ones(len(points), bool)
+    while True:
+        canvas = lay_canvas(foundation, points[kept])
+        mesh = canvas.mesh
+        corners = mesh.triangles[canvas.foldovers()]
+        bad = np.unique(corners[(corners >= mesh.n_samples) & (corners < mesh.first_free)]) - mesh.n_samples
+        if len(bad):
+            kept[np.flatnonzero(kept)[bad]] = False
+            continue
+        finer = refined_domains(foundation, corners)
+        if finer is None:
+            return canvas, kept
+        foundation = finer

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.canonical import Canvas, Foundation, lay_canvas, refined_domains
+from gcvec.canonical import Foundation, lay_unfolded_canvas
 from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import Draft, measured_mse
 from gcvec.drawing import Drawing
@@ -192,7 +192,11 @@ class Refinement:
     def _update(self) -> None:
         """Canvas, colours and error for the points as they are."""
         with self._clock.stage("mesh_harmonic"):
-            self._lay_unfolded_canvas()
+            self._canvas, kept = lay_unfolded_canvas(self.foundation, self.points)
+            self.foundation = self._canvas.foundation
+            gone = self.points[~kept]
+            self._blocked[gone[:, 1], gone[:, 0]] = True
+            self._keep(kept)
         with self._clock.stage("evaluation"):
             self._drawing: Drawing = self._canvas.drawing()
             self._coverage: Coverage = self._canvas.coverage(self._drawing)
@@ -217,30 +221,3 @@ class Refinement:
     def _measure(self) -> None:
         self._residual: Floats = self._truth - self._fit.picture(self.colors)
         self.mse = float((self._residual**2).mean() * 65025)
-
-    def _lay_unfolded_canvas(self) -> None:
-        """A canvas without fold-over.
-
-        Control points in triangles that turn over are taken out for good; triangles that turn over without
-        one ask for
-        parameter polygons closer to their curves.
-        """
-        while True:
-            self._canvas: Canvas = lay_canvas(self.foundation, self.points)
-            mesh = self._canvas.mesh
-            corners = mesh.triangles[self._canvas.foldovers()]
-            if not len(corners):
-                return
-            bad = (
-                np.unique(corners[(corners >= mesh.n_samples) & (corners < mesh.first_free)]) - mesh.n_samples
-            )
-            if len(bad):
-                self._blocked[self.points[bad, 1], self.points[bad, 0]] = True
-                kept = np.ones(len(self.points), bool)
-                kept[bad] = False
-                self._keep(kept)
-                continue
-            finer = refined_domains(self.foundation, corners)
-            if finer is None:
-                return
-            self.foundation = finer

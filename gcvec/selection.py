@@ -130,11 +130,11 @@ def _pick(candidates, patch, blocked, taken, count, limit, wanted):
     return chosen[:n]
 
 
-def room(foundation: Foundation) -> NDArray[np.bool_]:
-    """Pixels `(h, w)` whose centres keep clear of every polygon edge."""
+def room(foundation: Foundation, clearance: float = CLEARANCE) -> NDArray[np.bool_]:
+    """Pixels `(h, w)` whose centres keep `clearance` pixels from every polygon edge."""
     network, samples = foundation.network, foundation.samples
     ends = samples.domain[samples.edge_ends]
-    return np.asarray(_clear_of(ends, network.width, network.height, CLEARANCE))
+    return np.asarray(_clear_of(ends, network.width, network.height, clearance))
 
 
 @njit(cache=True, nogil=True)

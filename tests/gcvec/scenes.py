@@ -130,6 +130,6 @@ def no_points() -> np.ndarray:
 
 def some_points(foundation: Foundation, n: int, seed: int = 0) -> np.ndarray:
     """At most n random pixels that may carry control points, by rows."""
-    ys, xs = np.nonzero(room(foundation))
+    ys, xs = np.nonzero(room(foundation, 0.6))
     chosen = np.random.default_rng(seed).permutation(len(xs))[:n]
     return np.stack([xs, ys], axis=1)[np.sort(chosen)].astype(np.int64)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcvec.canonical import lay_canvas
+from gcvec.canonical import lay_unfolded_canvas
 from gcvec.drawing import FLATNESS
 from gcvec.raster import Coverage, paint, sample, triangle_at_pixel_centres
 from tests.gcvec.scenes import SCENES, foundation_of, some_points
@@ -56,7 +56,7 @@ def test_areas_add_up_to_the_triangle(corners: np.ndarray) -> None:
 def test_linear_functions_are_reproduced_exactly() -> None:
     """The mean of a linear function over a pixel is its value at the centre, whatever triangles tile it."""
     foundation = foundation_of("voronoi")
-    canvas = lay_canvas(foundation, some_points(foundation, 30))
+    canvas = lay_unfolded_canvas(foundation, some_points(foundation, 30))[0]
     drawing = canvas.drawing()
     height, width = foundation.network.height, foundation.network.width
     values = np.column_stack([drawing.image @ [0.3, -0.7] + 2.0, drawing.image])
@@ -72,7 +72,7 @@ def test_linear_functions_are_reproduced_exactly() -> None:
 def test_every_pixel_is_covered_exactly_once(scene: str, scale: float) -> None:
     foundation = foundation_of(scene)
     network = foundation.network
-    canvas = lay_canvas(foundation, some_points(foundation, 25))
+    canvas = lay_unfolded_canvas(foundation, some_points(foundation, 25))[0]
     drawing = canvas.drawing(FLATNESS / scale)
     width, height = (max(1, round(n * scale)) for n in (network.width, network.height))
     vertices = drawing.image * [width / network.width, height / network.height]
@@ -88,7 +88,7 @@ def test_every_pixel_is_covered_exactly_once(scene: str, scale: float) -> None:
 
 def test_coverage_matrix_paints_the_same_picture() -> None:
     foundation = foundation_of("ring")
-    canvas = lay_canvas(foundation, some_points(foundation, 40))
+    canvas = lay_unfolded_canvas(foundation, some_points(foundation, 40))[0]
     drawing = canvas.drawing()
     operator, corner_color = canvas.operator(drawing)
     colors = operator @ np.random.default_rng(1).uniform(0, 1, (operator.shape[1], 3))
