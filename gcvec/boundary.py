@@ -6,7 +6,8 @@ A curve runs from node to node, or is a closed periodic spline where a border me
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from gcvec import bspline
 from gcvec.borders import Border, Borders, Loop
 from gcvec.planar_graph import OUTSIDE
+from gcvec.sampling import Sampling, sampling
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +50,17 @@ class Curve:
     @property
     def segments(self) -> int:
         return bspline.segments_of(self.control_points, self.closed)
+
+    @cached_property
+    def sampling(self) -> Sampling:
+        """The samples through which the curve meets meshes, whatever its level."""
+        return sampling(self.control_points, self.closed)
+
+    def at_level(self, level: int) -> Curve:
+        """The curve with its parameter polygons within 2^-`level` pixels."""
+        changed = replace(self, level=level)
+        changed.__dict__["sampling"] = self.sampling
+        return changed
 
     @property
     def on_frame(self) -> bool:

@@ -16,38 +16,20 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from gcvec import bspline
 from gcvec.boundary import Curve, Network
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SPACING = 3.0
-SAGITTA = 0.05
-"""Consecutive samples are at most this far apart, and the curve at most this far from their chord, pixels."""
-
 FINEST_LEVEL = 8
 
 
-def sample_parameters(curve: Curve) -> Floats:
-    """Increasing parameters from 0 to m: every segment cut into 2^k equal pieces, k as spacing and sagitta
-    ask for."""
-    knots = bspline.evaluate(curve.control_points, np.arange(curve.segments + 1.0), curve.closed)
-    spans = np.hypot(*np.diff(knots, axis=0).T)
-    bend = np.hypot(*bspline.second_derivative_at_knots(curve.control_points, curve.closed).T)
-    fine = np.maximum(spans / SPACING, np.sqrt(np.maximum(bend[:-1], bend[1:]) / (8 * SAGITTA)))
-    pieces = 2 ** np.ceil(np.log2(np.maximum(fine, 1)) - 1e-6).astype(np.int64)
-    segment = np.repeat(np.arange(curve.segments), pieces)
-    within = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    return np.append(segment + within / pieces[segment], float(curve.segments))
-
-
-def polygon_vertices(curve: Curve, samples: Floats) -> Ints:
-    """Which of a curve's samples `(n, 2)`, in order and both ends included, are vertices of the polygons.
+def polygon_vertices(curve: Curve) -> Ints:
+    """Which of a curve's samples are vertices of the polygons.
 
     Douglas-Peucker to the tolerance of the curve's level; a closed curve has at least three edges.
     """
-    return np.flatnonzero(_douglas_peucker(samples, 3 if curve.closed else 1, 0.5**curve.level))
+    return np.flatnonzero(_douglas_peucker(curve.sampling.points, 3 if curve.closed else 1, 0.5**curve.level))
 
 
 def without_crossings(network: Network) -> Network:
@@ -62,14 +44,14 @@ def without_crossings(network: Network) -> Network:
 
 def with_levels(network: Network, level: int) -> Network:
     """The network with all parameter polygons at one level."""
-    return replace(network, curves=tuple(replace(c, level=level) for c in network.curves))
+    return replace(network, curves=tuple(c.at_level(level) for c in network.curves))
 
 
 def raise_levels(network: Network, which: Iterable[int]) -> Network:
     """The network with the polygons twice as close to these curves."""
     curves = list(network.curves)
     for c in which:
-        curves[c] = replace(curves[c], level=min(curves[c].level + 1, FINEST_LEVEL))
+        curves[c] = curves[c].at_level(min(curves[c].level + 1, FINEST_LEVEL))
     return replace(network, curves=tuple(curves))
 
 
@@ -112,8 +94,7 @@ def _douglas_peucker(points, fewest, tolerance):
 
 def polygon_edges(curve: Curve) -> Floats:
     """Parameter polygon edges along a curve, `(e, 2, 2) float64`."""
-    points = bspline.evaluate(curve.control_points, sample_parameters(curve), curve.closed)
-    vertices = points[polygon_vertices(curve, points)]
+    vertices = curve.sampling.points[polygon_vertices(curve)]
     return np.stack([vertices[:-1], vertices[1:]], axis=1)
 
 

@@ -9,9 +9,11 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gcvec.parallel import in_shares
+
 Floats = NDArray[np.float64]
 
-BOUND_SWEEPS = 6
+BOUND_SWEEPS = 4
 
 
 @dataclass(frozen=True)
@@ -32,9 +34,11 @@ class NormalEquations:
     def apply(self, x: Floats) -> Floats:
         """N x for x `(n, 3)`."""
         values = np.ascontiguousarray(self.operator @ x)
-        product = np.zeros_like(values)
-        _gram_product(self.design.indptr, self.design.indices, self.design.data, values, product)
-        back: Floats = self.operator.T @ product
+        b = self.design
+        shares = in_shares(
+            lambda first, last: _gram_product(b.indptr, b.indices, b.data, values, first, last), b.shape[0]
+        )
+        back: Floats = self.operator.T @ sum(shares)
         return back + self.pull[:, None] * x
 
     def diagonal(self) -> Floats:
@@ -51,9 +55,10 @@ def energies(design: sparse.csr_array) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _gram_product(indptr, indices, data, x, out):
-    """Add BᵀB x to `out`, for B in compressed rows and x `(k, 3)`, in one pass over B."""
-    for row in range(len(indptr) - 1):
+def _gram_product(indptr, indices, data, x, first, last):
+    """The share of the rows `first` to `last` in BᵀB x, for B in compressed rows and x `(k, 3)`."""
+    out = np.zeros_like(x)
+    for row in range(first, last):
         red, green, blue = 0.0, 0.0, 0.0
         for e in range(indptr[row], indptr[row + 1]):
             weight, column = data[e], indices[e]
@@ -65,6 +70,7 @@ def _gram_product(indptr, indices, data, x, out):
             out[column, 0] += weight * red
             out[column, 1] += weight * green
             out[column, 2] += weight * blue
+    return out
 
 
 def solve(

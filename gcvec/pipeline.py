@@ -17,6 +17,7 @@ from gcvec.draft import Draft
 from gcvec.localize import localized
 from gcvec.metrics import compare
 from gcvec.options import Options
+from gcvec.parallel import use_workers
 from gcvec.partition import Partition, partition
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
@@ -46,6 +47,7 @@ def vectorize(
     """
     options = options or Options()
     start = time.perf_counter()
+    use_workers(options.workers)
     clock = StageClock()
     height, width = pixels.shape[:2]
     picture = pixels / 255.0

@@ -13,6 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gcvec.parallel import in_shares
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -119,15 +121,16 @@ def _cells(corners, width, height):
 
 
 @njit(cache=True, nogil=True)
-def _coverage(vertices, triangles, width, height):
-    capacity = max(4 * len(triangles), 1024)
+def _coverage(vertices, triangles, width, height, first, last):
+    """Entries of the triangles `first` to `last`: where each one's begin, pixels, and corner weights."""
+    capacity = max(4 * (last - first), 1024)
     pixel = np.empty(capacity, np.int32)
     weights = np.empty((capacity, 3))
-    start = np.zeros(len(triangles) + 1, np.int64)
+    start = np.zeros(last - first + 1, np.int64)
     scratch = np.empty((4, 12, 2))
     corners = np.empty((3, 2))
     count = 0
-    for t in range(len(triangles)):
+    for t in range(first, last):
         for k in range(3):
             corners[k] = vertices[triangles[t, k]]
         need = count + _cells(corners, width, height)
@@ -139,7 +142,7 @@ def _coverage(vertices, triangles, width, height):
             more_weights[:count] = weights[:count]
             pixel, weights = more_pixel, more_weights
         count = _cover_triangle(corners, width, height, pixel, weights, count, scratch)
-        start[t + 1] = count
+        start[t - first + 1] = count
     return start, pixel[:count].copy(), weights[:count].copy()
 
 
@@ -167,24 +170,29 @@ def _paint(vertices, triangles, colors, corner_color, width, height):
 
 
 @njit(cache=True, nogil=True)
-def _rows(start, pixel, weights, corner_color, n_pixels):
-    """Compressed rows, one a pixel, of the weights of colours, those of one colour added up."""
+def _rows(start, pixel, weights, corner_color, first_pixel, last_pixel):
+    """Compressed rows, one for each pixel of a range, of the weights of colours, those of one colour added
+    up."""
+    n_pixels = last_pixel - first_pixel
     first = np.zeros(n_pixels + 1, np.int64)
     for e in range(len(pixel)):
-        first[pixel[e] + 1] += 1
+        if first_pixel <= pixel[e] < last_pixel:
+            first[pixel[e] - first_pixel + 1] += 1
     for p in range(n_pixels):
         first[p + 1] += first[p]
-    by_pixel = np.empty(len(pixel), np.int64)
-    owner = np.empty(len(pixel), np.int32)
+    by_pixel = np.empty(first[n_pixels], np.int64)
+    owner = np.empty(first[n_pixels], np.int32)
     at = first[:-1].copy()
     for t in range(len(start) - 1):
         for e in range(start[t], start[t + 1]):
-            by_pixel[at[pixel[e]]] = e
-            owner[at[pixel[e]]] = t
-            at[pixel[e]] += 1
-    row_start = np.zeros(n_pixels + 1, np.int32)
-    columns = np.empty(3 * len(pixel), np.int32)
-    values = np.empty(3 * len(pixel))
+            if first_pixel <= pixel[e] < last_pixel:
+                p = pixel[e] - first_pixel
+                by_pixel[at[p]] = e
+                owner[at[p]] = t
+                at[p] += 1
+    row_start = np.zeros(n_pixels + 1, np.int64)
+    columns = np.empty(3 * len(by_pixel), np.int32)
+    values = np.empty(3 * len(by_pixel))
     n = 0
     for p in range(n_pixels):
         for i in range(first[p], first[p + 1]):
@@ -212,13 +220,28 @@ class Coverage:
 
     def __init__(self, vertices: Floats, triangles: Ints, width: int, height: int) -> None:
         self.width, self.height = width, height
-        self.start, self.pixel, self.weights = _coverage(vertices, triangles, width, height)
+        shares = in_shares(
+            lambda first, last: _coverage(vertices, triangles, width, height, first, last), len(triangles)
+        )
+        before = np.cumsum([0] + [len(pixel) for _, pixel, _ in shares])
+        starts = [start[:-1] + n for (start, _, _), n in zip(shares, before[:-1], strict=True)]
+        self.start = np.append(np.concatenate(starts), before[-1])
+        self.pixel = np.concatenate([pixel for _, pixel, _ in shares])
+        self.weights = np.concatenate([weights for _, _, weights in shares])
 
     def matrix(self, corner_color: Ints, n_colors: int) -> sparse.csr_array:
         """B `(pixels, n_colors)`: from the colours that the triangles' corners `(t, 3)` refer to, to
         pixels."""
         n_pixels = self.width * self.height
-        start, columns, values = _rows(self.start, self.pixel, self.weights, corner_color, n_pixels)
+        shares = in_shares(
+            lambda first, last: _rows(self.start, self.pixel, self.weights, corner_color, first, last),
+            n_pixels,
+        )
+        before = np.cumsum([0] + [len(columns) for _, columns, _ in shares])
+        starts = [start[:-1] + n for (start, _, _), n in zip(shares, before[:-1], strict=True)]
+        start = np.append(np.concatenate(starts), before[-1]).astype(np.int32)
+        columns = np.concatenate([columns for _, columns, _ in shares])
+        values = np.concatenate([values for _, _, values in shares])
         return sparse.csr_array((values, columns, start), shape=(n_pixels, n_colors))
 
 

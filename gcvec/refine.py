@@ -45,7 +45,7 @@ DROPPED = 0.15
 RETRIES = 4
 
 ROUND_ITERATIONS = 8
-FINAL_ITERATIONS = 24
+FINAL_ITERATIONS = 16
 """Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit."""
 
 
@@ -76,11 +76,11 @@ def refine_batch(
     """
     state = Refinement(foundation, boundary_colors, pixels / 255.0, max_points, on_step, clock)
     aim = AIM * target_mse
-    for _ in range(RETRIES):
+    more = state.add_until(aim)
+    for _ in range(EXCHANGES):
+        state.drop_least_useful(DROPPED)
         more = state.add_until(aim)
-        for _ in range(EXCHANGES):
-            state.drop_least_useful(DROPPED)
-            more = state.add_until(aim)
+    for _ in range(RETRIES):
         state.settle()
         with clock.stage("encode"):
             data, image = draft.file(state.foundation, state.points, state.colors)
@@ -88,6 +88,7 @@ def refine_batch(
         if mse <= target_mse or not more:
             break
         aim *= 0.98 * target_mse / mse
+        more = state.add_until(aim)
     return data, image
 
 
@@ -130,10 +131,7 @@ class Refinement:
                 GROWTH * n + FIRST_POINTS * len(self._truth) + 1, (self.mse / target_mse - 1) * n + 64
             )
             with self._clock.stage("evaluation"):
-                coverage = self._coverage
-                gain, where = best_insertions(
-                    coverage.start, coverage.pixel, coverage.weights, self._residual
-                )
+                gain, where = best_insertions(self._coverage, self._residual)
                 new = choose_points(
                     self._canvas,
                     self._drawing.patch,

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec import bspline
 from gcvec.boundary import Network
-from gcvec.domain import polygon_vertices, sample_parameters
+from gcvec.domain import polygon_vertices
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -86,11 +85,9 @@ def boundary_samples(network: Network) -> BoundarySamples:
     edge_ends, edge_curve, edge_u, edge_control, edge_weight = [], [], [], [], []
     n = network.n_nodes
     for c, curve in enumerate(network.curves):
-        u = sample_parameters(curve)
-        index, w = bspline.basis(u, curve.segments, curve.closed)
-        points = np.einsum("nk,nkd->nd", w, curve.control_points[index])
-        index = offsets[c] + index
-        vertex = polygon_vertices(curve, points)
+        u, points, w = curve.sampling.u, curve.sampling.points, curve.sampling.weight
+        index = offsets[c] + curve.sampling.control
+        vertex = polygon_vertices(curve)
         inner = slice(0, -1) if curve.closed else slice(1, -1)
         n_own = len(u) - 1 if curve.closed else len(u) - 2
         ids = np.arange(n, n + n_own)

@@ -7,6 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.canonical import Canvas, Foundation
+from gcvec.parallel import in_shares
+from gcvec.raster import Coverage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,10 +23,7 @@ CANDIDATES = 8
 """Pixels of a triangle, the worst ones, that are tried as control points."""
 
 
-@njit(cache=True, nogil=True)
-def best_insertions(
-    start: Ints, pixel: NDArray[np.int32], weights: Floats, residual: Floats
-) -> tuple[Floats, Ints]:
+def best_insertions(coverage: Coverage, residual: Floats) -> tuple[Floats, Ints]:
     """How much squared error a control point would save in each triangle, `(t,)`, and at which pixel (-1:
     none).
 
@@ -33,6 +32,16 @@ def best_insertions(
     colour for it removes (Σ a r φ)² / Σ a φ² from the error, summed over the triangle's share `a` of each
     pixel.
     """
+    start, pixel, weights = coverage.start, coverage.pixel, coverage.weights
+    shares = in_shares(
+        lambda first, last: _best_insertions(start[first : last + 1], pixel, weights, residual),
+        len(start) - 1,
+    )
+    return np.concatenate([gain for gain, _ in shares]), np.concatenate([where for _, where in shares])
+
+
+@njit(cache=True, nogil=True)
+def _best_insertions(start, pixel, weights, residual):
     n = len(start) - 1
     gain = np.zeros(n)
     where = np.full(n, -1, np.int64)

@@ -15,17 +15,15 @@ from gcvec.boundary import Curve, Network, boundary_network
 from gcvec.boundary_fit import fitted_network
 from gcvec.components import connected_components
 from gcvec.domain import (
-    SAGITTA,
-    SPACING,
     crossing_curves,
     polygon_edges,
     polygon_vertices,
-    sample_parameters,
     with_levels,
 )
 from gcvec.localize import localized
 from gcvec.planar_graph import planar_graph
 from gcvec.quantization import Quantization
+from gcvec.sampling import SAGITTA, SPACING
 from tests.gcvec.scenes import SCENES, drawn, foundation_of
 
 GRID = Quantization().grid
@@ -119,7 +117,7 @@ def circle(radius: float) -> Curve:
 @pytest.mark.parametrize("radius", [2.0, 10.0, 100.0])
 def test_samples_keep_spacing_and_sagitta(radius: float) -> None:
     curve = circle(radius)
-    u = sample_parameters(curve)
+    u = curve.sampling.u
     assert (u[0], u[-1]) == (0, curve.segments)
     points = bspline.evaluate(curve.control_points, u, closed=True)
     # Pieces of one segment differ a little in length: uniform in u, not in arc length.
@@ -135,8 +133,8 @@ def test_polygons_follow_curves_as_closely_as_their_level_says(level: int) -> No
     network = with_levels(network, level)
     (curve,) = network.curves
     assert curve.level == level
-    points = bspline.evaluate(curve.control_points, sample_parameters(curve), closed=True)
-    vertices = polygon_vertices(curve, points)
+    points = bspline.evaluate(curve.control_points, curve.sampling.u, closed=True)
+    vertices = polygon_vertices(curve)
     polygon = shapely.LineString(points[vertices])
     assert max(polygon.distance(shapely.Point(p)) for p in points) <= 0.5**level
     # Fewest: a regular polygon of n corners has the sagitta r (1 - cos(pi / n)).
@@ -146,8 +144,7 @@ def test_polygons_follow_curves_as_closely_as_their_level_says(level: int) -> No
 
 def test_closed_curves_have_at_least_three_edges() -> None:
     curve = circle(0.7)
-    points = bspline.evaluate(curve.control_points, sample_parameters(curve), closed=True)
-    assert len(polygon_vertices(curve, points)) >= 4
+    assert len(polygon_vertices(curve)) >= 4
 
 
 def test_network_of_a_disc_shares_one_curve() -> None:

@@ -1,0 +1,48 @@
+"""Threads for kernels that release the interpreter lock.
+
+Work is always cut into the same shares, whatever the number of threads, so results do not depend on it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+T = TypeVar("T")
+
+SHARES = 4
+
+_pool: ThreadPoolExecutor | None = None
+_workers = 0
+
+
+def use_workers(workers: int) -> None:
+    """Use this many threads from now on; 0 is one for every core that the process may run on."""
+    global _workers
+    wanted = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
+    if wanted != _workers:
+        _workers = wanted
+        _forget_pool()
+
+
+def in_shares(work: Callable[[int, int], T], n: int) -> list[T]:
+    """`work(first, last)` for consecutive shares of `range(n)`; the results in order."""
+    global _pool
+    cuts = [n * k // SHARES for k in range(SHARES + 1)]
+    spans = list(zip(cuts[:-1], cuts[1:], strict=True))
+    if _workers < 2:
+        return [work(first, last) for first, last in spans]
+    if _pool is None:
+        _pool = ThreadPoolExecutor(_workers, thread_name_prefix="gcvec")
+    return list(_pool.map(lambda span: work(*span), spans))
+
+
+def _forget_pool() -> None:
+    global _pool
+    _pool = None
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_pool)
