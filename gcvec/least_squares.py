@@ -13,8 +13,6 @@ from gcvec.parallel import in_shares
 
 Floats = NDArray[np.float64]
 
-BOUND_SWEEPS = 4
-
 
 @dataclass(frozen=True)
 class NormalEquations:
@@ -107,15 +105,17 @@ def solve(
     return x
 
 
-def solve_bounded(equations: NormalEquations, start: Floats, iterations: int, tolerance: float) -> Floats:
+def solve_bounded(
+    equations: NormalEquations, start: Floats, iterations: int, tolerance: float, sweeps: int = 12
+) -> Floats:
     """The minimiser of xᵀ N x / 2 - xᵀ r over [0, 1], as closely as conjugate gradients come.
 
     Unbounded first; while unknowns leave the box, a primal-dual active set method (Hintermüller, Ito and
-    Kunisch 2002) holds at their bounds those that the multipliers press there.
+    Kunisch 2002) holds at their bounds those that the multipliers press there, in at most `sweeps` solves.
     """
     x = solve(equations, start, iterations, tolerance)
     low, high = x < 0, x > 1
-    for _ in range(BOUND_SWEEPS):
+    for _ in range(sweeps):
         if not (low.any() or high.any()):
             break
         held = low | high

@@ -46,7 +46,9 @@ RETRIES = 4
 
 ROUND_ITERATIONS = 8
 FINAL_ITERATIONS = 16
-"""Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit."""
+FINAL_SWEEPS = 4
+"""Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
+may take some sweeps to find the colours that stay at their bounds."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,7 @@ class Refinement:
         """The last fit: to convergence, and with every colour in [0, 1]."""
         with self._clock.stage("optimization"):
             equations = self._fit.equations(*self._pull())
-            self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5)
+            self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5, FINAL_SWEEPS)
             self._measure()
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:

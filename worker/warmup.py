@@ -25,3 +25,7 @@ def warm_up() -> None:
     error_map(pixels, result)
     patch_overlay(result)
     logger.info("engine ready after %.1f s", time.perf_counter() - started)
+
+
+if __name__ == "__main__":
+    warm_up()
