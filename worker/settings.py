@@ -40,6 +40,9 @@ class Settings(BaseSettings):
     retention: timedelta = Field(
         default=timedelta(days=7), description="how long a finished job is kept (ISO 8601: P7D)"
     )
+    orphan_age: timedelta = Field(
+        default=timedelta(days=1), description="age at which files that belong to no job are removed"
+    )
 
     requests_per_minute: int = Field(default=6_000, ge=0, description="of one key; 0: no limit")
     max_unfinished_jobs: int = Field(default=1_000, ge=0, description="of one key; 0: no limit")
@@ -73,7 +76,7 @@ class Settings(BaseSettings):
     def _digested(cls, keys: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(map(_digest, keys))
 
-    @field_validator("retention", mode="before")
+    @field_validator("retention", "orphan_age", mode="before")
     @classmethod
     def _seconds(cls, value: object) -> object:
         return float(value) if isinstance(value, str) and value.replace(".", "", 1).isdigit() else value

@@ -1,4 +1,4 @@
-"""Exports, edits and removals.
+"""Exports, edits, removals and tidying up.
 
 The messages of exports and edits are acknowledged when they are taken: one that ends its worker is not given
 to the next. Whoever waits for the answer asks again.
@@ -14,7 +14,8 @@ from obstore.exceptions import BaseError
 
 from gcvec.errors import InputError
 from worker import storage
-from worker.app import EDIT, EXPORT, REMOVE, app
+from worker.app import EDIT, EXPORT, REMOVE, TIDY, app
+from worker.orphans import remove_orphans
 from worker.problems import input_problem, problem
 from worker.questions import Answer, give
 from worker.records import grow, retire, revise
@@ -45,6 +46,14 @@ def remove_job(job_id: str) -> None:
     storage.delete_folder(shop.store, storage.job_folder(job_id))
     shop.records.run(retire(job_id))
     logger.info("job %s: expired and removed", job_id)
+
+
+@app.task(name=TIDY)
+def tidy() -> None:
+    """Remove files that belong to no job."""
+    shop = workshop()
+    for job_id in remove_orphans(shop.store, shop.records, shop.settings.orphan_age.total_seconds()):
+        logger.warning("job %s: unknown, its files are removed", job_id)
 
 
 def _answer(key: str, work: Callable[[Workshop], Answer]) -> None:

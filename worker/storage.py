@@ -131,6 +131,12 @@ def delete_folder(store: ObjectStore, folder: str) -> None:
         obstore.delete(store, paths)
 
 
+def last_written(store: ObjectStore, folder: str) -> float:
+    """When something in `folder` was last written, seconds since the epoch; 0 if nothing is there."""
+    pages = obstore.list(store, prefix=folder, chunk_size=1000)
+    return max((entry["last_modified"].timestamp() for page in pages for entry in page), default=0.0)
+
+
 def _pages(store: ObjectStore, folder: str) -> Iterator[list[str]]:
     for page in obstore.list(store, prefix=folder, chunk_size=1000):
         yield [entry["path"] for entry in page]
