@@ -145,7 +145,7 @@ class Fleet:
         fleet = ("--without-gossip", "--without-mingle", "--without-heartbeat")
         process = self._start((sys.executable, *command, *work, *fleet), name, largest_file=largest_file)
         if ready:
-            within(60, lambda: " ready." in process.log.read_text())
+            within(240, lambda: " ready." in process.log.read_text())  # compiles the engine once
         return process
 
     def _start(self, command: tuple[str, ...], name: str, **more: Any) -> Process:

@@ -28,6 +28,9 @@ class Settings(BaseSettings):
     storage_url: str = Field(
         default="", description="where files are kept: file:///folder or s3://bucket/prefix"
     )
+    redirect_seconds: int = Field(
+        default=0, ge=0, description="downloads from S3: by a redirect valid for so long; 0: through the API"
+    )
     data_dir: Path = Field(default=Path("gcvec-data"), description="folder of a single-machine installation")
     api_keys: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),

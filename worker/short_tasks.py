@@ -15,6 +15,7 @@ from obstore.exceptions import BaseError
 from gcvec.errors import InputError
 from worker import storage
 from worker.app import EDIT, EXPORT, REMOVE, TIDY, app
+from worker.artifacts import EXPORTS, KINDS
 from worker.orphans import remove_orphans
 from worker.problems import input_problem, problem
 from worker.questions import Answer, give
@@ -80,7 +81,7 @@ def _export(shop: Workshop, job_id: str, revision: int, kind: str, scale: float,
     if manifest is None:
         return Answer(problem=_GONE)
     data = export(load_image(shop.store, manifest.files["gcv"].path), kind, scale)
-    file = storage.write_derived(shop.store, job_id, revision, name, data)
+    file = storage.write_derived(shop.store, job_id, revision, name, data, (KINDS | EXPORTS)[kind].media_type)
     return _kept(shop, job_id, file.size, None)
 
 
@@ -97,7 +98,7 @@ def _edit(shop: Workshop, job_id: str, base: int, changes: Mapping[str, Any]) ->
         return Answer(problem=_GONE)
     folder = storage.revision_folder(job_id, revision)
     stored = {
-        name: storage.write(shop.store, f"{folder}/{filename}", data)
+        name: storage.write(shop.store, f"{folder}/{filename}", data, KINDS[name].media_type)
         for name, (filename, data) in files.items()
     }
     storage.commit(shop.store, job_id, Manifest(revision, stored), revision)
