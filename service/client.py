@@ -28,7 +28,7 @@ class Client:
 
     def __init__(self, url: str, key: str | None = None) -> None:
         headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = httpx.Client(base_url=url, headers=headers, timeout=60)
+        self._http = httpx.Client(base_url=url, headers=headers, timeout=60, follow_redirects=True)
 
     def __enter__(self) -> Client:
         return self

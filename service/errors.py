@@ -10,6 +10,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from obstore.exceptions import BaseError
 from pydantic import BaseModel
 from redis.exceptions import RedisError
 from starlette.exceptions import HTTPException
@@ -105,6 +106,12 @@ def install(app: FastAPI) -> None:
     async def _broker(_: Request, error: RedisError) -> JSONResponse:
         logger.warning("broker: %s", type(error).__name__)
         return answer(*_away("the job records cannot be reached"))
+
+    @app.exception_handler(BaseError)
+    @app.exception_handler(OSError)
+    async def _store(_: Request, error: Exception) -> JSONResponse:
+        logger.warning("storage: %s", type(error).__name__)
+        return answer(*_away("the storage cannot be reached"))
 
     @app.exception_handler(Exception)
     async def _unexpected(_: Request, error: Exception) -> JSONResponse:

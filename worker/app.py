@@ -24,7 +24,8 @@ VECTORIZE: Final = "gcvec.vectorize"
 EXPORT: Final = "gcvec.export"
 EDIT: Final = "gcvec.edit"
 REMOVE: Final = "gcvec.remove"
-ROUTES: Final = {VECTORIZE: JOBS_QUEUE, EXPORT: SHORT_QUEUE, EDIT: SHORT_QUEUE, REMOVE: SHORT_QUEUE}
+TIDY: Final = "gcvec.tidy"
+ROUTES: Final = {VECTORIZE: JOBS_QUEUE} | dict.fromkeys((EXPORT, EDIT, REMOVE, TIDY), SHORT_QUEUE)
 
 _HARD_LIMIT_MARGIN: Final = 60.0
 

@@ -28,6 +28,9 @@ class Settings(BaseSettings):
     storage_url: str = Field(
         default="", description="where files are kept: file:///folder or s3://bucket/prefix"
     )
+    redirect_seconds: int = Field(
+        default=0, ge=0, description="downloads from S3: by a redirect valid for so long; 0: through the API"
+    )
     data_dir: Path = Field(default=Path("gcvec-data"), description="folder of a single-machine installation")
     api_keys: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
@@ -39,6 +42,9 @@ class Settings(BaseSettings):
     )
     retention: timedelta = Field(
         default=timedelta(days=7), description="how long a finished job is kept (ISO 8601: P7D)"
+    )
+    orphan_age: timedelta = Field(
+        default=timedelta(days=1), description="age at which files that belong to no job are removed"
     )
 
     requests_per_minute: int = Field(default=6_000, ge=0, description="of one key; 0: no limit")
@@ -73,7 +79,7 @@ class Settings(BaseSettings):
     def _digested(cls, keys: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(map(_digest, keys))
 
-    @field_validator("retention", mode="before")
+    @field_validator("retention", "orphan_age", mode="before")
     @classmethod
     def _seconds(cls, value: object) -> object:
         return float(value) if isinstance(value, str) and value.replace(".", "", 1).isdigit() else value

@@ -1,4 +1,4 @@
-"""Exports, edits and removals.
+"""Exports, edits, removals and tidying up.
 
 The messages of exports and edits are acknowledged when they are taken: one that ends its worker is not given
 to the next. Whoever waits for the answer asks again.
@@ -14,7 +14,9 @@ from obstore.exceptions import BaseError
 
 from gcvec.errors import InputError
 from worker import storage
-from worker.app import EDIT, EXPORT, REMOVE, app
+from worker.app import EDIT, EXPORT, REMOVE, TIDY, app
+from worker.artifacts import EXPORTS, KINDS
+from worker.orphans import remove_orphans
 from worker.problems import input_problem, problem
 from worker.questions import Answer, give
 from worker.records import grow, retire, revise
@@ -47,6 +49,14 @@ def remove_job(job_id: str) -> None:
     logger.info("job %s: expired and removed", job_id)
 
 
+@app.task(name=TIDY)
+def tidy() -> None:
+    """Remove files that belong to no job."""
+    shop = workshop()
+    for job_id in remove_orphans(shop.store, shop.records, shop.settings.orphan_age.total_seconds()):
+        logger.warning("job %s: unknown, its files are removed", job_id)
+
+
 def _answer(key: str, work: Callable[[Workshop], Answer]) -> None:
     shop = workshop()
     try:
@@ -71,7 +81,7 @@ def _export(shop: Workshop, job_id: str, revision: int, kind: str, scale: float,
     if manifest is None:
         return Answer(problem=_GONE)
     data = export(load_image(shop.store, manifest.files["gcv"].path), kind, scale)
-    file = storage.write_derived(shop.store, job_id, revision, name, data)
+    file = storage.write_derived(shop.store, job_id, revision, name, data, (KINDS | EXPORTS)[kind].media_type)
     return _kept(shop, job_id, file.size, None)
 
 
@@ -88,7 +98,7 @@ def _edit(shop: Workshop, job_id: str, base: int, changes: Mapping[str, Any]) ->
         return Answer(problem=_GONE)
     folder = storage.revision_folder(job_id, revision)
     stored = {
-        name: storage.write(shop.store, f"{folder}/{filename}", data)
+        name: storage.write(shop.store, f"{folder}/{filename}", data, KINDS[name].media_type)
         for name, (filename, data) in files.items()
     }
     storage.commit(shop.store, job_id, Manifest(revision, stored), revision)

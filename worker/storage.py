@@ -13,10 +13,16 @@ import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from datetime import timedelta
+from typing import Final
 
 import obstore
 from obstore.exceptions import AlreadyExistsError
-from obstore.store import ObjectStore, from_url
+from obstore.store import LocalStore, ObjectStore, S3Store, from_url
+
+_OUTAGE_SECONDS: Final = 8
+"""A bucket that is away for longer fails the step."""
+_BYTES: Final = "application/octet-stream"
 
 
 @dataclass(frozen=True)
@@ -48,10 +54,16 @@ class Manifest:
 
 
 def open_store(url: str) -> ObjectStore:
-    """The object store at `url` (``file:///folder`` or ``s3://bucket/prefix``)."""
+    """The object store at `url` (``file:///folder`` or ``s3://bucket/prefix``).
+
+    A bucket's address and credentials are read from the AWS_... variables, as other programs read them.
+    """
     if url.startswith("file:"):
         return from_url(url, mkdir=True, automatic_cleanup=True)
-    return from_url(url)
+    return from_url(
+        url,
+        retry_config={"max_retries": 4, "retry_timeout": timedelta(seconds=_OUTAGE_SECONDS)},
+    )
 
 
 def job_folder(job_id: str) -> str:
@@ -87,10 +99,20 @@ def read(store: ObjectStore, path: str) -> bytes:
     return bytes(obstore.get(store, path).bytes())
 
 
-def write(store: ObjectStore, path: str, data: bytes) -> StoredFile:
-    """Store `data` at `path`, whole or not at all."""
-    obstore.put(store, path, data)
+def write(store: ObjectStore, path: str, data: bytes, media_type: str = _BYTES) -> StoredFile:
+    """Store `data` at `path`, whole or not at all; in a bucket with its type, for direct downloads."""
+    if isinstance(store, LocalStore):
+        obstore.put(store, path, data)
+    else:
+        obstore.put(store, path, data, attributes={"Content-Type": media_type})
     return StoredFile(path, len(data), hashlib.sha256(data).hexdigest())
+
+
+def direct_link(store: ObjectStore, path: str, seconds: int) -> str | None:
+    """An address in a bucket at which anyone can read the file for so long; None if it is in a folder."""
+    return (
+        obstore.sign(store, "GET", path, timedelta(seconds=seconds)) if isinstance(store, S3Store) else None
+    )
 
 
 def read_manifest(store: ObjectStore, job_id: str, revision: int = 0) -> Manifest | None:
@@ -110,9 +132,11 @@ def commit(store: ObjectStore, job_id: str, manifest: Manifest, revision: int = 
     return True
 
 
-def write_derived(store: ObjectStore, job_id: str, revision: int, name: str, data: bytes) -> StoredFile:
+def write_derived(
+    store: ObjectStore, job_id: str, revision: int, name: str, data: bytes, media_type: str = _BYTES
+) -> StoredFile:
     """Store a derived file and make it visible."""
-    file = write(store, derived_path(job_id, revision, name), data)
+    file = write(store, derived_path(job_id, revision, name), data, media_type)
     obstore.put(store, f"{file.path}.json", json.dumps(asdict(file)).encode())
     return file
 
@@ -129,6 +153,12 @@ def delete_folder(store: ObjectStore, folder: str) -> None:
     """Delete everything under `folder`; nothing there is fine."""
     for paths in _pages(store, folder):
         obstore.delete(store, paths)
+
+
+def last_written(store: ObjectStore, folder: str) -> float:
+    """When something in `folder` was last written, seconds since the epoch; 0 if nothing is there."""
+    pages = obstore.list(store, prefix=folder, chunk_size=1000)
+    return max((entry["last_modified"].timestamp() for page in pages for entry in page), default=0.0)
 
 
 def _pages(store: ObjectStore, folder: str) -> Iterator[list[str]]:

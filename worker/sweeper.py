@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import redis
 
-from worker.app import JOBS_QUEUE, REMOVE, VECTORIZE, app
+from worker.app import JOBS_QUEUE, REMOVE, TIDY, VECTORIZE, app
 from worker.records import (
     ACTIVE,
     EXPIRY,
@@ -27,14 +27,19 @@ logger = logging.getLogger(__name__)
 _PERIOD: Final = 2.0
 _LOST_AFTER: Final = 10.0
 _BATCH: Final = 200
+_TIDY_SECONDS: Final = 3600.0
 _REMOVED_WITHIN: Final = 60.0
 """A job that has not been removed by then is sent to be removed again."""
 
 
 class Sweeper:
-    """Sends jobs again whose attempt died or whose message was lost; has those removed that have expired."""
+    """Sends jobs again whose attempt died or whose message was lost; has the store cleared of expired jobs.
 
-    def __init__(self, client: redis.Redis) -> None:
+    Every `tidy_seconds` it has files removed that belong to no job.
+    """
+
+    def __init__(self, client: redis.Redis, tidy_seconds: float) -> None:
+        self._tidy_seconds = tidy_seconds
         self._client: Any = client
         self._records = JobRecords(client)
 
@@ -60,6 +65,9 @@ class Sweeper:
             if self._client.zadd(EXPIRY, {job_id: now + _REMOVED_WITHIN}, xx=True, ch=True):
                 app.send_task(REMOVE, [job_id])
 
+        if self._client.set("gcvec:tidied", "1", nx=True, px=int(1000 * self._tidy_seconds)):
+            app.send_task(TIDY)
+
     def _lost(self) -> list[str]:
         """Unfinished jobs that nobody works on and that no message stands for."""
         jobs = self._client.zrange(ACTIVE, 0, -1, withscores=True)
@@ -79,5 +87,7 @@ class Sweeper:
 
 def start() -> None:
     """Sweep from now on, in a thread of this process."""
-    sweeper = Sweeper(connect(get_settings().broker_url, patient=False))
+    settings = get_settings()
+    tidy_seconds = min(_TIDY_SECONDS, settings.orphan_age.total_seconds())
+    sweeper = Sweeper(connect(settings.broker_url, patient=False), tidy_seconds)
     threading.Thread(target=sweeper.run_forever, name="sweeper", daemon=True).start()

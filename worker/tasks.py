@@ -95,8 +95,9 @@ def _inputs(shop: Workshop, job: Job) -> tuple[bytes, bytes | None]:
 
 
 def _store(shop: Workshop, job: Job, name: str, data: bytes) -> StoredFile:
-    path = f"{storage.attempt_folder(job.id, job.attempt)}/{KINDS[name].filename}"
-    return _insist(lambda: storage.write(shop.store, path, data))
+    kind = KINDS[name]
+    path = f"{storage.attempt_folder(job.id, job.attempt)}/{kind.filename}"
+    return _insist(lambda: storage.write(shop.store, path, data, kind.media_type))
 
 
 def _insist(step: Callable[[], T]) -> T:

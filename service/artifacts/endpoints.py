@@ -66,6 +66,7 @@ def _serve(name: str, kind: Kind, dependency: Any, prefix: str) -> None:
             200: {"content": {kind.media_type: {}}, "model": _MODELS.get(name)},
             206: {"description": "The part asked for", "content": {kind.media_type: {}}},
             304: {"description": "The client has it"},
+            307: {"description": "It is to be had from the store directly"},
             **documented(401, 403, 404, 409, 410, 416, 422, 429, 500, 503),
         },
     )
@@ -77,7 +78,8 @@ async def _respond(
     revision = f"-{result.revision}" if result.revision else ""
     disposition = f'inline; filename="{result.job.id}{revision}-{kind.filename}"'
     headers = {"Content-Disposition": disposition}
-    return await file_response(request, services.store, file, kind.media_type, headers)
+    redirect = services.settings.redirect_seconds
+    return await file_response(request, services.store, file, kind.media_type, headers, redirect)
 
 
 def _check_size(result: Result, scale: float, settings: Settings) -> None:

@@ -7,19 +7,28 @@ from collections.abc import Mapping
 
 import obstore
 from fastapi import Request, Response
-from fastapi.responses import StreamingResponse
+from fastapi.responses import RedirectResponse, StreamingResponse
 from obstore.store import ObjectStore
 
 from service.errors import ProblemError
+from worker import storage
 from worker.storage import StoredFile
 
 _SINGLE_RANGE = re.compile(r"bytes=(\d*)-(\d*)$")
 
 
 async def file_response(
-    request: Request, store: ObjectStore, file: StoredFile, media_type: str, headers: Mapping[str, str]
+    request: Request,
+    store: ObjectStore,
+    file: StoredFile,
+    media_type: str,
+    headers: Mapping[str, str],
+    redirect_seconds: int,
 ) -> Response:
-    """The file, the part of it that was asked for, or 304 if the client has it already."""
+    """The file, the part of it that was asked for, or 304 if the client has it already.
+
+    With `redirect_seconds`, and a store that can be read directly, a redirect to the file there.
+    """
     etag = f'"{file.sha256}"'
     common = {
         "ETag": etag,
@@ -29,6 +38,8 @@ async def file_response(
     }
     if _lists(request.headers.get("if-none-match"), etag):
         return Response(status_code=304, headers=common)
+    if redirect_seconds and (link := storage.direct_link(store, file.path, redirect_seconds)):
+        return RedirectResponse(link, 307, {"Cache-Control": "no-store"})
     wanted = _range(request, etag, file.size)
     start, stop = wanted or (0, file.size)
     if wanted is not None:

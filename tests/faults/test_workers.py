@@ -1,0 +1,108 @@
+"""Workers that die, stall or are sent away: every job ends once, with one result."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+
+import pytest
+
+from tests.fleet import ENDLESS, LONG, SHORT, Fleet, within
+
+pytestmark = [pytest.mark.service, pytest.mark.slow]
+
+
+def ends_of(fleet: Fleet, job_id: str) -> list[str]:
+    """The terminal states that the job's events tell of."""
+    entries = fleet.client.xrange(f"gcvec:events:{job_id}")
+    return [entry["data"] for _, entry in entries if entry["type"] == "state"]
+
+
+def attempts_in(fleet: Fleet, job_id: str) -> set[str]:
+    return {path.split("/")[2] for path in fleet.files(job_id) if "/attempt-" in path}
+
+
+def test_a_job_whose_worker_is_killed_is_finished_by_another(fleet: Fleet) -> None:
+    api, first = fleet.start_api(), fleet.start_worker()
+    job_id = api.submit(**LONG)
+    within(20, lambda: fleet.refining(job_id))
+    first.kill()
+    killed = time.monotonic()
+    fleet.start_worker(ready=False)
+    assert api.outcome(job_id, 30)["status"] == "succeeded"
+    assert time.monotonic() - killed < 30
+    manifest = fleet.manifest(job_id)
+    assert manifest is not None
+    assert manifest.attempt == fleet.job(job_id).attempt == 2
+    assert attempts_in(fleet, job_id) == {"attempt-2"}
+    assert ends_of(fleet, job_id) == ["succeeded"]
+    assert api.http.get(f"/v1/jobs/{job_id}/result").status_code == 200
+
+
+def test_an_attempt_that_was_given_up_changes_nothing_when_it_wakes(fleet: Fleet) -> None:
+    api, first = fleet.start_api(), fleet.start_worker()
+    job_id = api.submit(**LONG)
+    within(20, lambda: fleet.refining(job_id))
+    (asleep,) = first.children()
+    os.kill(asleep, signal.SIGSTOP)
+    fleet.start_worker()
+    assert api.outcome(job_id, 40)["status"] == "succeeded"
+    record = fleet.client.hgetall(f"gcvec:job:{job_id}")
+    files = fleet.files(job_id)
+    assert record["attempt"] == "2"
+    os.kill(asleep, signal.SIGCONT)
+    within(20, lambda: f"job {job_id}: attempt 1 stopped" in first.log.read_text())
+    assert fleet.client.hgetall(f"gcvec:job:{job_id}") == record
+    assert fleet.files(job_id) == files
+    assert attempts_in(fleet, job_id) == {"attempt-2"}
+    assert ends_of(fleet, job_id) == ["succeeded"]
+
+
+def test_a_job_that_kills_its_workers_is_given_up_and_harms_no_other(fleet: Fleet) -> None:
+    api, worker = fleet.start_api(), fleet.start_worker()
+    poison = api.submit(**ENDLESS)
+    others = [api.submit(seed=number, **SHORT) for number in range(3)]
+    for attempt in (1, 2, 3):
+        within(40, lambda number=attempt: fleet.refining(poison, number))
+        (process,) = worker.children()
+        os.kill(process, signal.SIGKILL)
+    failed = api.outcome(poison, 40)
+    assert failed["status"] == "failed"
+    assert failed["error"]["type"] == "urn:gcvec:problem:worker-lost"
+    assert ends_of(fleet, poison) == ["failed"]
+    assert attempts_in(fleet, poison) == set()
+    for job_id in others:
+        assert api.outcome(job_id)["status"] == "succeeded"
+        assert fleet.job(job_id).attempt == 1
+
+
+def test_a_worker_that_is_sent_away_hands_its_job_back(fleet: Fleet) -> None:
+    api, first = fleet.start_api(), fleet.start_worker()
+    job_id = api.submit(**LONG | {"max_points": 900})
+    within(20, lambda: fleet.refining(job_id))
+    fleet.start_worker()
+    assert first.ask_to_stop(signal.SIGQUIT) == 0
+    assert api.outcome(job_id, 60)["status"] == "succeeded"
+    assert ends_of(fleet, job_id) == ["succeeded"]
+
+
+def test_a_job_may_not_run_for_ever(start_fleet: Callable[..., Fleet]) -> None:
+    fleet = start_fleet(GCVEC_JOB_SECONDS="2")
+    api = fleet.start_api()
+    fleet.start_worker()
+    failed = api.outcome(api.submit(**ENDLESS), 20)
+    assert failed["error"]["type"] == "urn:gcvec:problem:time-limit"
+    assert "2 s" in failed["error"]["detail"]
+    assert api.outcome(api.submit(**SHORT))["status"] == "succeeded"
+
+
+def test_a_job_may_not_use_all_memory(start_fleet: Callable[..., Fleet]) -> None:
+    fleet = start_fleet(GCVEC_JOB_MEMORY_BYTES="700000000")
+    api = fleet.start_api()
+    fleet.start_worker()
+    failed = api.outcome(api.submit(3000, **SHORT), 60)
+    assert failed["status"] == "failed"
+    assert failed["error"]["type"] == "urn:gcvec:problem:memory-limit"
+    assert api.outcome(api.submit(**SHORT))["status"] == "succeeded"
