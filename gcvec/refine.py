@@ -35,6 +35,11 @@ GROWTH = 0.4
 FIRST_POINTS = 1 / 1500
 """A round adds this share of the points there are, and this many a pixel on top."""
 
+LEAST_RETURN = 0.1
+IDLE_ROUNDS = 2
+"""So many rounds in a row, in which the error falls by less than this power of the number of points, are the
+last."""
+
 AIM = 0.9
 """Share of the target at which refinement first stops: rounding to the file's steps takes the rest."""
 
@@ -126,9 +131,13 @@ class Refinement:
         self._update()
 
     def add_until(self, target_mse: float) -> bool:
-        """Add control points until the picture's error is `target_mse`; False when no more find a place."""
+        """Add control points until the picture's error is `target_mse`.
+
+        False when no more find a place, or when they have all but stopped to help.
+        """
+        idle_rounds = 0
         while self.mse > target_mse:
-            n = len(self.points)
+            n, before = len(self.points), self.mse
             wanted = min(
                 GROWTH * n + FIRST_POINTS * len(self._truth) + 1, (self.mse / target_mse - 1) * n + 64
             )
@@ -149,6 +158,10 @@ class Refinement:
             self.points = np.concatenate([self.points, new])
             self.colors = np.concatenate([self.colors, self._picture[new[:, 1], new[:, 0]]])
             self._update()
+            helped = np.log(before / self.mse) >= LEAST_RETURN * np.log((n + len(new)) / max(n, 1))
+            idle_rounds = 0 if helped else idle_rounds + 1
+            if idle_rounds == IDLE_ROUNDS:
+                return False
         return True
 
     def _finished(self, target_mse: float) -> NDArray[np.bool_]:
