@@ -24,7 +24,7 @@ REACH = 2.5
 
 PASSES = 3
 LARGEST_SHIFT = 1.5
-"""No sample moves further than this, pixels."""
+"""No sample moves further than this, pixels, unless the caller asks for less."""
 
 LEAST_STEP = 0.06
 """Least distance between the colours of both sides, of colours in [0, 1]."""
@@ -36,8 +36,11 @@ SMOOTHING = 1.5
 """Standard deviation of the smoothing of shifts along a border, samples."""
 
 
-def localized(found: Borders, picture: Floats) -> Borders:
-    """Borders with their samples and nodes on the photo's steps. `picture` is `(h, w, 3)` in [0, 1]."""
+def localized(found: Borders, picture: Floats, largest_shift: float = LARGEST_SHIFT) -> Borders:
+    """Borders with their samples and nodes on the photo's steps.
+
+    `picture` is `(h, w, 3)` in [0, 1]; no sample or node moves further than `largest_shift` pixels.
+    """
     nodes = found.nodes
     moved = list(found.borders)
     for number in range(PASSES):
@@ -54,19 +57,20 @@ def localized(found: Borders, picture: Floats) -> Borders:
             placed = inner + shift[:, None] * normals
             origin = found.borders[k].samples
             origin = origin[:-1] if border.closed else origin[1:-1]
-            placed = origin + _limited(placed - origin)
+            placed = origin + _limited(placed - origin, largest_shift)
             if not border.closed:
                 pulls.add(border.start, normals[0], shift[0], trust[:4].mean())
                 pulls.add(border.end, normals[-1], shift[-1], trust[-4:].mean())
             moved[k] = replace(border, samples=_with_ends(placed, border))
-        nodes = found.nodes + _limited(nodes + pulls.shifts(nodes, found.width, found.height) - found.nodes)
+        pulled = nodes + pulls.shifts(nodes, found.width, found.height)
+        nodes = found.nodes + _limited(pulled - found.nodes, largest_shift)
         moved = [between_nodes(border, nodes) for border in moved]
     return replace(found, nodes=nodes, borders=tuple(moved))
 
 
-def _limited(shift: Floats) -> Floats:
+def _limited(shift: Floats, largest: float) -> Floats:
     length = np.hypot(*shift.T)
-    return np.asarray(shift * np.minimum(1, LARGEST_SHIFT / np.maximum(length, 1e-12))[:, None])
+    return np.asarray(shift * np.minimum(1, largest / np.maximum(length, 1e-12))[:, None])
 
 
 def _with_ends(inner: Floats, border: Border) -> Floats:

@@ -7,6 +7,9 @@ from typing import Literal
 
 from gcvec.errors import InputError
 
+MOST_SNAP = 20
+"""Borders that move further, in pixels, are no longer those that were drawn."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -18,7 +21,8 @@ class Options:
     anti-aliased picture, or, with "paper", of each region by itself, at pixel centres;
     `max_points` bounds the interior control points of one region, 0 lifts the bound; `workers` is the
     number of threads, 0 for one a core; `regions` is the number of automatic regions wanted when there are no
-    annotations, 0 lets the picture decide.
+    annotations, 0 lets the picture decide; `snap` is how many pixels the borders of annotated regions may
+    move onto the picture's edges, 0 keeps them where they were drawn, to half a pixel.
     """
 
     strategy: Literal["batch", "paper"] = "batch"
@@ -26,6 +30,7 @@ class Options:
     max_points: int = 2000
     workers: int = 0
     regions: int = 0
+    snap: float = 2.5
 
     def __post_init__(self) -> None:
         if self.strategy not in ("batch", "paper"):
@@ -39,6 +44,12 @@ class Options:
                 f"target_mse must lie between 0 and 65025, not {self.target_mse}",
                 code="bad-option",
                 pointer="target_mse",
+            )
+        if not 0 <= self.snap <= MOST_SNAP:
+            raise InputError(
+                f"snap must lie between 0 and {MOST_SNAP} pixels, not {self.snap}",
+                code="bad-option",
+                pointer="snap",
             )
         for name in ("max_points", "workers", "regions"):
             if getattr(self, name) < 0:

@@ -14,7 +14,7 @@ from gcvec.boundary_color import color_samples, fit_boundary_colors, hard_edges
 from gcvec.boundary_fit import fitted_network
 from gcvec.canonical import lay_unfolded_foundation
 from gcvec.draft import Draft
-from gcvec.localize import localized
+from gcvec.localize import LARGEST_SHIFT, localized
 from gcvec.metrics import compare
 from gcvec.options import Options
 from gcvec.parallel import use_workers
@@ -28,9 +28,6 @@ from gcvec.segment import segment
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
-
-SNAP = 2.5
-"""Annotated borders move by at most this many pixels onto image edges."""
 
 
 def vectorize(
@@ -56,12 +53,12 @@ def vectorize(
 
     tell.stage("regions", 0.01)
     with clock.stage("regions"):
-        regions = _regions(pixels, picture, annotations, options.regions)
+        regions = _regions(pixels, picture, annotations, options)
     tell.regions = len(regions.names)
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
         found = borders(planar_graph(regions.labels), width, height)
-        network = fitted_network(found, localized(found, picture), steps.grid)
+        network = fitted_network(found, localized(found, picture, _reach(annotations, options)), steps.grid)
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
     tell.stage("mesh", 0.1)
@@ -93,13 +90,18 @@ def vectorize(
 
 
 def _regions(
-    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None, wanted: int
+    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None, options: Options
 ) -> Partition:
     if annotations is None:
-        return segment(pixels, wanted)
+        return segment(pixels, options.regions)
     height, width = pixels.shape[:2]
     regions = partition(annotations, width, height)
-    return replace(regions, labels=snap_borders(regions.labels, picture, SNAP))
+    return replace(regions, labels=snap_borders(regions.labels, picture, options.snap))
+
+
+def _reach(annotations: Annotations | None, options: Options) -> float:
+    """How far borders may move from the label map's, pixels: half a pixel is what it leaves open itself."""
+    return LARGEST_SHIFT if annotations is None else min(max(options.snap, 0.5), LARGEST_SHIFT)
 
 
 class _Teller:

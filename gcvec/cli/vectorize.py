@@ -43,6 +43,10 @@ def vectorize(
     regions: Annotated[
         int, Option(metavar="N", help="How many automatic regions; 0: as many as pay for themselves.")
     ] = Options.regions,
+    snap: Annotated[
+        float,
+        Option(metavar="PX", help="How far annotated borders may move onto edges; 0: kept as drawn."),
+    ] = Options.snap,
     strategy: Annotated[
         Literal["batch", "paper"], Option(help="How interior control points are placed.")
     ] = Options.strategy,
@@ -62,7 +66,12 @@ def vectorize(
 ) -> None:
     """Turn a photo and its regions into a vector image."""
     options = Options(
-        strategy=strategy, target_mse=target_mse, max_points=max_points, workers=workers, regions=regions
+        strategy=strategy,
+        target_mse=target_mse,
+        max_points=max_points,
+        workers=workers,
+        regions=regions,
+        snap=snap,
     )
     require_folder(output, report, preview)
     picture = load_picture(image)

@@ -32,6 +32,13 @@ def submit(
     image_name: Annotated[
         str | None, Option(metavar="NAME", help="The picture's name in a file that annotates several.")
     ] = None,
+    regions: Annotated[
+        int, Option(metavar="N", help="How many automatic regions; 0: as many as pay for themselves.")
+    ] = Options.regions,
+    snap: Annotated[
+        float,
+        Option(metavar="PX", help="How far annotated borders may move onto edges; 0: kept as drawn."),
+    ] = Options.snap,
     strategy: Annotated[
         Literal["batch", "paper"], Option(help="How interior control points are placed.")
     ] = Options.strategy,
@@ -46,6 +53,8 @@ def submit(
     """Upload a picture to a service, watch the job and download its files."""
     options = {
         "image_name": image_name,
+        "regions": regions,
+        "snap": snap,
         "strategy": strategy,
         "target_mse": target_mse,
         "max_points": max_points,

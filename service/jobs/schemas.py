@@ -32,6 +32,9 @@ class JobOptions(BaseModel):
     )
     workers: int = Field(Options.workers, description="threads; 0: as many as the server grants")
     regions: int = Field(Options.regions, description="automatic regions wanted; 0: the picture decides")
+    snap: float = Field(
+        Options.snap, description="pixels that annotated borders may move onto edges; 0: kept as drawn"
+    )
     image_name: Name | None = Field(
         None, description="the picture's name in an annotation file of several; default: its file name"
     )

@@ -1,7 +1,7 @@
 /** The upload form and the list of recent jobs. */
 
 const element = (id) => document.getElementById(id);
-const NUMBERS = ["target_mse", "max_points", "regions"];
+const NUMBERS = ["target_mse", "max_points", "regions", "snap"];
 
 function options() {
   const chosen = {};

@@ -187,6 +187,7 @@ def test_image_name(folder: Path, tmp_path: Path) -> None:
         ("--target-mse", "nan"),
         ("--target-mse", "low"),
         ("--max-points", "-1"),
+        ("--snap", "-1"),
         ("--colour",),
         ("--report", "nowhere/r.json"),
     ],

@@ -82,6 +82,7 @@ def test_unusable_uploads_are_refused(
         ('{"target_mse": NaN}', "/options"),
         ('{"target_mse": 1e999}', "/options/target_mse"),
         ('{"max_points": -1}', "/options/max_points"),
+        ('{"snap": -1}', "/options/snap"),
         ('{"max_points": 1.5}', "/options/max_points"),
         ('{"strategy": "slow"}', "/options/strategy"),
         ('{"colour": 1}', "/options/colour"),
