@@ -15,24 +15,15 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec import color_coding, entropy
+from gcvec import color_coding, entropy, file_limits
 from gcvec.boundary import Curve, Network, straight_line
 from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation
 from gcvec.color_coding import BASIS
 from gcvec.color_space import LEFT, RIGHT
-from gcvec.curve_coding import (
-    CURVE_CONTEXTS,
-    END,
-    HARD,
-    LEVEL,
-    SEGMENTS,
-    START,
-    code_geometry,
-    code_topology,
-)
-from gcvec.domain import FINEST_LEVEL
+from gcvec.curve_coding import CURVE_CONTEXTS, END, HARD, SEGMENTS, START, code_geometry, code_topology
 from gcvec.entropy import Coder
 from gcvec.errors import InputError
+from gcvec.file_limits import control_counts, demand, shortest_stream
 from gcvec.loops import network_loops
 from gcvec.planar_graph import OUTSIDE
 from gcvec.quantization import Quantization
@@ -43,12 +34,6 @@ Ints = NDArray[np.int64]
 
 MAGIC = b"GCV"
 VERSION = 1
-
-MOST_PIXELS = 1 << 26
-MOST_CURVES = 1 << 20
-MOST_CONTROL_POINTS = 1 << 24
-MOST_LABEL_BYTES = 1 << 24
-"""What a file may claim; a reader allocates no more than these allow."""
 
 _SIZES, _TEXT, _CURVES = 0, entropy.SEQUENCE_CONTEXTS, 2 * entropy.SEQUENCE_CONTEXTS
 _BOUNDARY = _CURVES + CURVE_CONTEXTS
@@ -62,9 +47,10 @@ def encode(image: VectorImage) -> bytes:
     capacity = 1 << 16
     while True:
         coder = entropy.writer(capacity, _CONTEXTS)
-        _write(coder, image)
+        n_text, n_points = _write(coder, image)
         stream = entropy.finish(coder)
         if stream is not None:
+            stream = stream.ljust(shortest_stream(image.width, image.height, n_points, n_text), b"\0")
             return MAGIC + bytes([VERSION]) + struct.pack("<I", zlib.crc32(stream)) + stream
         capacity *= 4
 
@@ -79,12 +65,13 @@ def decode(data: bytes) -> VectorImage:
         raise InputError("the file is damaged or cut short", code="broken-gcv")
     coder = entropy.reader(data[8:], _CONTEXTS)
     try:
-        return _read(coder)
+        return _read(coder, len(data) - 8)
     except (ValueError, IndexError, RuntimeError, MemoryError, OverflowError) as problem:
         raise InputError(f"the file is damaged: {problem}", code="broken-gcv") from problem
 
 
-def _write(coder: Coder, image: VectorImage) -> None:
+def _write(coder: Coder, image: VectorImage) -> tuple[int, int]:
+    """Write everything; returns how many bytes of labels, and how many curves and control points."""
     network, steps = image.network, image.quantization
     sizes = [network.width, network.height, network.n_nodes, len(network.curves), len(network.loops)]
     entropy.code_sequence(
@@ -110,86 +97,77 @@ def _write(coder: Coder, image: VectorImage) -> None:
     occupied[image.points[:, 1], image.points[:, 0]] = 1
     entropy.code_occupancy(coder, _OCCUPANCY, occupied)
     _code_points(coder, image.canvas, steps, image.points, colors, image.point_colors.copy())
+    return len(text), len(table) + len(reference) + len(image.points)
 
 
-def _read(coder: Coder) -> VectorImage:
+def _read(coder: Coder, length: int) -> VectorImage:
+    """Read everything; `length` is that of the stream, which bounds what may be in it."""
     sizes = np.zeros(9, np.int64)
     entropy.code_sequence(coder, _SIZES, sizes)
     width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
     steps = Quantization(*(int(n) for n in sizes[5:8]))
     edited = bool(sizes[8])
-    _demand(width > 0 and height > 0 and width * height <= MOST_PIXELS, "impossible size")
-    _demand(
-        0 < n_curves <= MOST_CURVES and 0 <= n_nodes <= 2 * n_curves and 0 < n_patches <= n_curves,
-        "impossible counts",
-    )
-    _demand(
-        0 <= steps.position_bits <= 12 and min(steps.boundary_step, steps.point_step) > 0, "impossible steps"
-    )
-    labels = _read_labels(coder, n_patches)
+    file_limits.check_sizes(width, height, n_nodes, n_curves, n_patches, length)
+    file_limits.check_steps(steps)
+    labels = _read_labels(coder, n_patches, length)
     table = np.zeros((n_curves, 7), np.int64)
     code_topology(coder, _CURVES, table)
-    _check_topology(table, n_nodes, n_patches)
-    _demand(entropy.overrun(coder) == 0, "cut short")
-    reference = np.zeros((int(_control_counts(table).sum()), 2))
-    _code_positions(coder, table, steps, reference)
-    moved = np.zeros_like(reference) if edited else None
-    if moved is not None:
-        _code_positions(coder, table, steps, moved)
+    file_limits.check_topology(table, n_nodes, n_patches, length)
+    reference = _read_positions(coder, table, steps, width, height)
+    moved = _read_positions(coder, table, steps, width, height) if edited else None
     network = _network(width, height, n_nodes, n_patches, table, reference)
     hard = table[:, HARD].astype(bool)
     foundation = lay_foundation(network, hard, moved)
+    demand(_fills_frame(foundation), "curves that do not fit together")
     boundary_colors = np.zeros((foundation.space.size, 3))
     _code_boundary(coder, foundation, steps, boundary_colors)
-    _demand(entropy.overrun(coder) == 0, "cut short")
+    _check_whole(coder)
     occupied = np.zeros((height, width), np.uint8)
     entropy.code_occupancy(coder, _OCCUPANCY, occupied)
+    _check_whole(coder)
     ys, xs = np.nonzero(occupied)
+    file_limits.check_points(n_curves + len(reference) + len(xs), length)
     points = np.stack([xs, ys], axis=1).astype(np.int64)
     canvas = lay_canvas(foundation, points)
-    _demand(bool((canvas.mesh.patch >= 0).all()) and len(canvas.unit) > 0, "curves that do not fit together")
+    demand((canvas.mesh.patch >= 0).all() and len(canvas.unit) > 0, "curves that do not fit together")
     point_colors = np.zeros((len(points), 3))
     _code_points(coder, canvas, steps, points, boundary_colors, point_colors)
-    _demand(entropy.overrun(coder) == 0, "cut short")
+    _check_whole(coder)
     image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
     image.__dict__.update(foundation=foundation, canvas=canvas)
     return image
 
 
-def _demand(condition: bool, what: str) -> None:
-    if not condition:
-        raise ValueError(what)
+def _check_whole(coder: Coder) -> None:
+    demand(entropy.overrun(coder) == 0, "cut short")
 
 
-def _read_labels(coder: Coder, n_patches: int) -> tuple[str, ...]:
+def _fills_frame(foundation: Foundation) -> bool:
+    """Whether the parameter domains cover every pixel's centre and nothing outside the picture."""
+    domain, size = foundation.samples.domain, (foundation.network.width, foundation.network.height)
+    mesh = foundation.geometry.mesh
+    inside = (domain >= 0).all() and (domain <= size).all()
+    return bool(inside and (mesh.patch >= 0).all() and (foundation.geometry.triangle_at >= 0).all())
+
+
+def _read_labels(coder: Coder, n_patches: int, length: int) -> tuple[str, ...]:
     size = np.zeros(1, np.int64)
     entropy.code_sequence(coder, _SIZES, size)
-    _demand(0 <= size[0] <= MOST_LABEL_BYTES, "impossible labels")
+    file_limits.check_text(int(size[0]), length)
     text = np.zeros(int(size[0]), np.int64)
     entropy.code_sequence(coder, _TEXT, text)
-    _demand(entropy.overrun(coder) == 0, "cut short")
+    _check_whole(coder)
     labels = json.loads(text.astype(np.uint8).tobytes().decode())
-    _demand(isinstance(labels, list) and len(labels) == n_patches, "labels that do not fit the patches")
+    demand(isinstance(labels, list) and len(labels) == n_patches, "labels that do not fit the patches")
     return tuple(str(label) for label in labels)
 
 
-def _check_topology(table: Ints, n_nodes: int, n_patches: int) -> None:
-    sides = table[:, :2]
-    _demand(bool(((sides >= OUTSIDE) & (sides < n_patches)).all()), "a curve beside an unknown patch")
-    _demand(bool((sides[:, 0] != sides[:, 1]).all()), "a curve with the same patch on both sides")
-    ends = table[:, [START, END]]
-    closed = ends[:, 0] < 0
-    _demand(bool(((ends >= -1) & (ends < n_nodes)).all()), "a curve at an unknown node")
-    _demand(bool((closed == (ends[:, 1] < 0)).all()), "a curve with one end")
-    _demand(len(np.unique(ends[~closed])) == n_nodes, "a node without curves")
-    _demand(bool(((table[:, LEVEL] >= 0) & (table[:, LEVEL] <= FINEST_LEVEL)).all()), "an impossible level")
-    fewest = np.where(closed, 3, 1)
-    _demand(bool((table[:, SEGMENTS] >= fewest).all()), "a curve without segments")
-    _demand(int(_control_counts(table).sum()) <= MOST_CONTROL_POINTS, "too many control points")
-
-
-def _control_counts(table: Ints) -> Ints:
-    return np.asarray(table[:, SEGMENTS] + np.where(table[:, START] < 0, 0, 3))
+def _read_positions(coder: Coder, table: Ints, steps: Quantization, width: int, height: int) -> Floats:
+    control_points = np.zeros((int(control_counts(table).sum()), 2))
+    _code_positions(coder, table, steps, control_points)
+    _check_whole(coder)
+    file_limits.check_places(control_points, width, height)
+    return control_points
 
 
 def _code_positions(coder: Coder, table: Ints, steps: Quantization, control_points: Floats) -> None:
@@ -199,7 +177,7 @@ def _code_positions(coder: Coder, table: Ints, steps: Quantization, control_poin
     """
     closed = table[:, START] < 0
     on_frame = (table[:, :2] == OUTSIDE).any(axis=1)
-    counts = _control_counts(table)
+    counts = control_counts(table)
     first = np.cumsum(counts) - counts
     inner_counts = np.where(on_frame & ~closed, 0, np.where(closed, counts, counts - 2))
     offsets = np.concatenate([[0], np.cumsum(inner_counts)])
@@ -224,7 +202,7 @@ def _code_positions(coder: Coder, table: Ints, steps: Quantization, control_poin
 def _network(
     width: int, height: int, n_nodes: int, n_patches: int, table: Ints, control_points: Floats
 ) -> Network:
-    parts = np.split(control_points, np.cumsum(_control_counts(table))[:-1])
+    parts = np.split(control_points, np.cumsum(control_counts(table))[:-1])
     curves = tuple(
         Curve(part, *(int(n) for n in row[: HARD - 1])) for part, row in zip(parts, table, strict=True)
     )

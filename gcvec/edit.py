@@ -18,6 +18,7 @@ from gcvec.boundary import Network, straight_line
 from gcvec.canonical import Canvas, Foundation
 from gcvec.color_space import LEFT, RIGHT, ColorSpace, color_space
 from gcvec.errors import InputError
+from gcvec.file_limits import too_far
 from gcvec.mesh import patch_mesh
 from gcvec.patch import Blend
 from gcvec.vector_image import VectorImage
@@ -91,6 +92,11 @@ def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
     for move in moves:
         taken_along = _control_points_moved_by(network, foundation, move)
         control_points[taken_along] += np.round(np.array([move.dx, move.dy]) / grid) * grid
+        if too_far(control_points[taken_along], network.width, network.height).any():
+            raise InputError(
+                f"control point {move.index} of curve {move.curve} would leave the picture far behind",
+                code="bad-move",
+            )
     _keep_frame_straight(network, foundation, control_points)
     geometry = foundation.geometry.moved(foundation.samples, control_points)
     foundation = replace(foundation, geometry=geometry, control_points=control_points)

@@ -16,6 +16,10 @@ SPACING = 3.0
 SAGITTA = 0.05
 """Consecutive samples are at most this far apart, and the curve at most this far from their chord, pixels."""
 
+MOST_PIECES = 64
+"""A segment takes no more pieces. Curves fitted to borders need far fewer: a file that asks for more is
+damaged."""
+
 
 @dataclass(frozen=True)
 class Sampling:
@@ -31,13 +35,18 @@ class Sampling:
 
 
 def sampling(control_points: Floats, closed: bool) -> Sampling:
-    """Sample a curve: every segment in 2^k equal pieces, k as spacing and sagitta ask for."""
+    """Sample a curve: every segment in 2^k equal pieces, k as spacing and sagitta ask for.
+
+    `ValueError` where a segment would take more than `MOST_PIECES`.
+    """
     segments = bspline.segments_of(control_points, closed)
     knots = bspline.evaluate(control_points, np.arange(segments + 1.0), closed)
     spans = np.hypot(*np.diff(knots, axis=0).T)
     bend = np.hypot(*bspline.second_derivative_at_knots(control_points, closed).T)
     fine = np.maximum(spans / SPACING, np.sqrt(np.maximum(bend[:-1], bend[1:]) / (8 * SAGITTA)))
     pieces = 2 ** np.ceil(np.log2(np.maximum(fine, 1)) - 1e-6).astype(np.int64)
+    if pieces.max() > MOST_PIECES:
+        raise ValueError("a curve with a segment too long or too bent")
     segment = np.repeat(np.arange(segments), pieces)
     within = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     u = np.append(segment + within / pieces[segment], float(segments))
