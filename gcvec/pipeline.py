@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -83,7 +84,8 @@ def vectorize(
     with clock.stage("evaluation"):
         report = compare(pixels, image, len(data))
     seconds = {**clock.seconds, "total": time.perf_counter() - start}
-    report = replace(report, strategy=options.strategy, seconds=seconds)
+    patches = tuple(replace(r, iterations=tell.iterations[r.id]) for r in report.regions)
+    report = replace(report, strategy=options.strategy, seconds=seconds, regions=patches)
     result = replace(image, warnings=regions.warnings, report=report)
     tell.done(report.points, report.mse)
     return result
@@ -105,7 +107,7 @@ def _reach(annotations: Annotations | None, options: Options) -> float:
 
 
 class _Teller:
-    """Progress reports whose fraction never falls."""
+    """Progress reports whose fraction never falls; counts the iterations in which each region grew."""
 
     def __init__(self, on_progress: OnProgress | None, target_mse: float) -> None:
         self.on_progress = on_progress
@@ -113,6 +115,7 @@ class _Teller:
         self.regions = 0
         self.fraction = 0.0
         self.first_mse: float | None = None
+        self.iterations: Counter[int] = Counter()
 
     def _tell(
         self, phase: str, region: int, iteration: int, points: int, worst: float | None, mse: float | None
@@ -128,6 +131,7 @@ class _Teller:
 
     def iteration(self, step: Step) -> None:
         """Progress through refinement is measured by the logarithm of the error still to go."""
+        self.iterations.update(step.grown)
         self.first_mse = self.first_mse or max(step.mse, self.target_mse * 1.001)
         gone = np.log(self.first_mse / max(step.mse, self.target_mse)) / np.log(
             self.first_mse / self.target_mse

@@ -58,13 +58,14 @@ may take some sweeps to find the colours that stay at their bounds."""
 
 @dataclass(frozen=True)
 class Step:
-    """What a round found: for progress reports. Errors are on the 0-255 scale."""
+    """What a round found and did. Errors are on the 0-255 scale; `grown` are the regions that got points."""
 
     iteration: int
     points: int
     worst_region: int
     worst_error: float
     mse: float
+    grown: frozenset[int]
 
 
 def refine_batch(
@@ -157,7 +158,7 @@ class Refinement:
                 return False
             self.points = np.concatenate([self.points, new])
             self.colors = np.concatenate([self.colors, self._picture[new[:, 1], new[:, 0]]])
-            self._update()
+            self._update(n_new=len(new))
             helped = np.log(before / self.mse) >= LEAST_RETURN * np.log((n + len(new)) / max(n, 1))
             idle_rounds = 0 if helped else idle_rounds + 1
             if idle_rounds == IDLE_ROUNDS:
@@ -202,12 +203,14 @@ class Refinement:
         self.points = self.points[kept]
         self.colors = np.concatenate([self.colors[:n_boundary], self.colors[n_boundary:][kept]])
 
-    def _update(self) -> None:
-        """Canvas, colours and error for the points as they are."""
+    def _update(self, n_new: int = 0) -> None:
+        """Canvas, colours and error for the points as they are, of which the last `n_new` are new."""
         with self._clock.stage("mesh_harmonic"):
             self._canvas, kept = lay_unfolded_canvas(self.foundation, self.points)
             self.foundation = self._canvas.foundation
             gone = self.points[~kept]
+            n_old = int(kept[: len(kept) - n_new].sum())
+            grown = frozenset(self._canvas.patch_of_points()[n_old:].tolist())
             self._blocked[gone[:, 1], gone[:, 0]] = True
             self._keep(kept)
         with self._clock.stage("evaluation"):
@@ -222,7 +225,9 @@ class Refinement:
         square = (self._residual**2).sum(axis=1)
         by_region = np.bincount(self.foundation.geometry.patch_at().ravel(), square)
         worst = float(np.abs(self._residual).max() * 255)
-        self._on_step(Step(self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse))
+        self._on_step(
+            Step(self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown)
+        )
 
     def _pull(self) -> tuple[Floats, Floats]:
         """What the unknowns are pulled towards, `(b + n, 3)`, and how much, `(b + n,)`."""

@@ -84,7 +84,7 @@ def worst_pixels(
                     break
                 state.refit(region, mesh)
                 n = len(state.points)
-                on_step(Step(n, n, region, state.worst(), state.mse()))
+                on_step(Step(n, n, region, state.worst(), state.mse(), frozenset({region})))
         grown = len(state.points) > before
     return state.points, np.concatenate([boundary_colors, state.colors])
 

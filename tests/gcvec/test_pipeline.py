@@ -31,6 +31,7 @@ def assert_sound(image: VectorImage, pixels: np.ndarray) -> None:
     assert report.points == len(image.points) == sum(region.points for region in report.regions)
     assert report.patches == len(image.patches) == len(report.regions)
     assert report.foldovers == 0
+    assert all((region.iterations > 0) >= (region.points > 0) for region in report.regions)
     again = compare(pixels, VectorImage.from_bytes(image.to_bytes()), report.bytes)
     assert (again.mse, again.ssim) == pytest.approx((report.mse, report.ssim))
 
@@ -188,3 +189,21 @@ def test_raw_rendering_samples_pixel_centres() -> None:
     assert raw.shape == (image.height, image.width, 3)
     inside = np.s_[5:60, 5:70]
     assert np.abs(raw[inside] - image.render()[inside]).max() <= 2
+
+
+def test_report_counts_the_iterations_that_gave_a_region_points() -> None:
+    """A flat region gets none; a textured one gets some in most rounds, but in no more than there were."""
+    made = Scene(40, 80, lambda x, y: (x > 40).astype(int))
+    pixels = np.full((40, 80, 3), 128, np.uint8)
+    pixels[:, :38] = noise(40, 38)
+    told: list[Progress] = []
+    image = vectorize(pixels, made.annotations(), Options(max_points=100, snap=0), told.append)
+    assert image.report is not None
+    textured, flat = image.report.regions
+    rounds = sum(p.phase == "refine" for p in told)
+    assert 1 < textured.iterations <= rounds
+    assert flat.iterations <= textured.iterations
+    one_each = vectorize(pixels, made.annotations(), Options(strategy="paper", max_points=7, snap=0)).report
+    assert one_each is not None
+    assert [r.iterations for r in one_each.regions] == [r.points for r in one_each.regions]
+    assert one_each.regions[0].points == 7
