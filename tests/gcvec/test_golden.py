@@ -1,0 +1,37 @@
+"""A file written long ago, and the picture it holds: what decoders, this one included, must keep to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from gcvec import VectorImage
+from gcvec.codec import encode
+
+DATA = Path(__file__).parent.parent / "data"
+
+
+def test_the_golden_file_holds_its_picture() -> None:
+    image = VectorImage.load(DATA / "leaf.gcv")
+    with Image.open(DATA / "leaf.png") as picture:
+        expected = np.asarray(picture.convert("RGB"), np.int64)
+    assert np.abs(image.render() - expected).max() <= 1
+
+
+def test_the_golden_file_has_every_feature() -> None:
+    """Holes, soft and hard curves, junctions, interior points, and an edit."""
+    image = VectorImage.load(DATA / "leaf.gcv")
+    assert any(len(loops) > 1 for loops in image.network.loops)
+    inner = [(curve.closed, bool(hard)) for curve, hard in zip(image.curves, image.hard, strict=True)]
+    assert {closed for closed, _ in inner} == {True, False}
+    assert {hard for _, hard in inner} == {True, False}
+    assert len(image.points) > 100
+    assert image.control_points is not None
+    assert image.foldovers == 0
+
+
+def test_the_golden_file_is_written_again_byte_by_byte() -> None:
+    data = (DATA / "leaf.gcv").read_bytes()
+    assert encode(VectorImage.from_bytes(data)) == data
