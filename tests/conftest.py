@@ -9,12 +9,15 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
+import redis
 
 from service.broker import private_broker, wait_until_ready
 from tests.browser import Browser
+from worker.records import connect
 
 
 @dataclass
@@ -81,8 +84,15 @@ def broker_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     process.stdin.close()
     assert wait_until_ready(broker.url, 10)
     yield broker.url
+    client_of(broker.url).close()
     process.terminate()
     process.wait(10)
+
+
+@cache
+def client_of(broker_url: str) -> redis.Redis:
+    """The one connection of all tests to their broker; `broker_url` closes it."""
+    return connect(broker_url, patient=False)
 
 
 @pytest.fixture

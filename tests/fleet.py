@@ -22,6 +22,7 @@ import numpy as np
 from PIL import Image
 
 from service.broker import private_broker, wait_until_ready
+from worker.app import QUEUES
 from worker.process import die_with
 from worker.records import Job, JobRecords, connect
 from worker.storage import Manifest, open_store, read_manifest
@@ -141,7 +142,7 @@ class Fleet:
     ) -> Process:
         name = f"worker-{len(self.processes)}"
         command = ("-m", "celery", "-A", "worker.app", "worker", "--loglevel", "INFO", "--hostname", name)
-        work = ("--queues", "gcvec-jobs,gcvec-short", "--concurrency", str(concurrency))
+        work = ("--queues", ",".join(QUEUES), "--concurrency", str(concurrency))
         fleet = ("--without-gossip", "--without-mingle", "--without-heartbeat")
         process = self._start((sys.executable, *command, *work, *fleet), name, largest_file=largest_file)
         if ready:

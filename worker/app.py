@@ -18,21 +18,28 @@ JOBS_QUEUE: Final = "gcvec-jobs"
 """Jobs: they run for seconds to minutes."""
 SHORT_QUEUE: Final = "gcvec-short"
 """Exports, edits and removals: somebody waits for them, so they do not wait behind jobs."""
-QUEUES: Final = (JOBS_QUEUE, SHORT_QUEUE)
+HOOKS_QUEUE: Final = "gcvec-webhooks"
+"""Calls to webhooks: they wait for strangers, so nothing of ours waits behind them."""
+QUEUES: Final = (JOBS_QUEUE, SHORT_QUEUE, HOOKS_QUEUE)
 
 VECTORIZE: Final = "gcvec.vectorize"
 EXPORT: Final = "gcvec.export"
 EDIT: Final = "gcvec.edit"
 REMOVE: Final = "gcvec.remove"
 TIDY: Final = "gcvec.tidy"
-ROUTES: Final = {VECTORIZE: JOBS_QUEUE} | dict.fromkeys((EXPORT, EDIT, REMOVE, TIDY), SHORT_QUEUE)
+DELIVER: Final = "gcvec.deliver"
+ROUTES: Final = {VECTORIZE: JOBS_QUEUE, DELIVER: HOOKS_QUEUE} | dict.fromkeys(
+    (EXPORT, EDIT, REMOVE, TIDY), SHORT_QUEUE
+)
 
 _HARD_LIMIT_MARGIN: Final = 60.0
 
 
 def create_celery(settings: Settings) -> Celery:
     """The application on this broker. Records and leases carry all state: no results are kept in Celery."""
-    app = Celery("gcvec", broker=settings.broker_url, include=["worker.tasks", "worker.short_tasks"])
+    app = Celery(
+        "gcvec", broker=settings.broker_url, include=["worker.tasks", "worker.short_tasks", "worker.delivery"]
+    )
     hard_limit = settings.job_seconds + _HARD_LIMIT_MARGIN
     app.conf.update(
         task_queues=[Queue(name, Exchange(name), routing_key=name) for name in QUEUES],

@@ -24,6 +24,7 @@ TITLES: dict[str, tuple[int, str]] = {
     "idempotency-mismatch": (422, "The idempotency key was used with another request"),
     "invalid-request": (422, "The request is not valid"),
     "bad-option": (422, "An option is not valid"),
+    "bad-webhook": (422, "The webhook is not valid"),
     "unreadable-picture": (422, "The picture cannot be read"),
     "too-many-requests": (429, "Too many requests"),
     "too-many-jobs": (429, "Too many unfinished jobs"),

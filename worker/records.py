@@ -78,6 +78,7 @@ class Job:
     bytes: int = 0
     revisions: int = 0
     last_event: int = 0
+    webhook: Mapping[str, Any] | None = None
 
     @property
     def finished(self) -> bool:
@@ -140,6 +141,9 @@ local attempt = redis.call('HINCRBY', KEYS[1], 'attempt', 1)
 redis.call('HSETNX', KEYS[1], 'started_at', ARGV[2])
 redis.call('HSET', KEYS[1], 'status', 'running')
 redis.call('HINCRBY', 'gcvec:totals', 'attempts', 1)
+if attempt == 1 and redis.call('HEXISTS', KEYS[1], 'webhook') == 1 then
+    redis.call('ZADD', 'gcvec:deliveries', ARGV[2], ARGV[1] .. ' running')
+end
 redis.call('SET', KEYS[2], attempt, 'PX', ARGV[3])
 redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])
 return attempt
@@ -177,6 +181,9 @@ redis.call('SREM', 'gcvec:unfinished:' .. owner, ARGV[1])
 redis.call('HINCRBYFLOAT', 'gcvec:totals', 'finished:' .. ARGV[3], 1)
 redis.call('XADD', KEYS[3], number .. '-0', 'type', 'state', 'data', ARGV[3])
 redis.call('DEL', KEYS[2])
+if redis.call('HEXISTS', KEYS[1], 'webhook') == 1 then
+    redis.call('ZADD', 'gcvec:deliveries', ARGV[4], ARGV[1] .. ' ' .. ARGV[3])
+end
 redis.call('ZREM', 'gcvec:active', ARGV[1])
 redis.call('ZADD', 'gcvec:expiry', ARGV[5], ARGV[1])
 redis.call('PUBLISH', 'gcvec:changes', 'state ' .. ARGV[1])

@@ -46,6 +46,13 @@ class Settings(BaseSettings):
     orphan_age: timedelta = Field(
         default=timedelta(days=1), description="age at which files that belong to no job are removed"
     )
+    webhook_private: bool = Field(
+        default=False, description="whether webhooks may use plain HTTP and addresses of our own network"
+    )
+    webhook_pauses: Annotated[tuple[float, ...], NoDecode] = Field(
+        default=(5, 300, 1_800, 7_200, 18_000, 36_000),
+        description="seconds before each further call of a webhook that fails, comma-separated",
+    )
 
     requests_per_minute: int = Field(default=6_000, ge=0, description="of one key; 0: no limit")
     max_unfinished_jobs: int = Field(default=1_000, ge=0, description="of one key; 0: no limit")
@@ -65,7 +72,7 @@ class Settings(BaseSettings):
     job_attempts: int = Field(default=3, gt=0, description="how often a job is started before it is given up")
     job_threads: int = Field(default=1, gt=0, description="most threads one job may use")
 
-    @field_validator("api_keys", "cors_origins", mode="before")
+    @field_validator("api_keys", "cors_origins", "webhook_pauses", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         return (

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import redis
 
-from worker.app import JOBS_QUEUE, REMOVE, TIDY, VECTORIZE, app
+from worker.app import DELIVER, JOBS_QUEUE, REMOVE, TIDY, VECTORIZE, app
 from worker.records import (
     ACTIVE,
     EXPIRY,
@@ -21,6 +21,7 @@ from worker.records import (
     requeue,
 )
 from worker.settings import get_settings
+from worker.webhooks import DELIVERIES
 
 logger = logging.getLogger(__name__)
 
@@ -30,6 +31,8 @@ _BATCH: Final = 200
 _TIDY_SECONDS: Final = 3600.0
 _REMOVED_WITHIN: Final = 60.0
 """A job that has not been removed by then is sent to be removed again."""
+_DELIVERED_WITHIN: Final = 120.0
+"""Likewise for what a webhook is to be told."""
 
 
 class Sweeper:
@@ -65,6 +68,9 @@ class Sweeper:
             if self._client.zadd(EXPIRY, {job_id: now + _REMOVED_WITHIN}, xx=True, ch=True):
                 app.send_task(REMOVE, [job_id])
 
+        for entry in self._client.zrange(DELIVERIES, 0, now, byscore=True, offset=0, num=_BATCH):
+            if self._client.zadd(DELIVERIES, {entry: now + _DELIVERED_WITHIN}, xx=True, ch=True):
+                app.send_task(DELIVER, [entry])
         if self._client.set("gcvec:tidied", "1", nx=True, px=int(1000 * self._tidy_seconds)):
             app.send_task(TIDY)
 

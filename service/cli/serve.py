@@ -23,7 +23,7 @@ from gcvec.errors import InputError
 from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
 from service.supervisor import Command, Supervisor
-from worker.app import JOBS_QUEUE, SHORT_QUEUE
+from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE
 from worker.settings import Settings
 
 _READY_SECONDS: Final = 60.0
@@ -87,17 +87,18 @@ def _commands(environment: Mapping[str, str], listener: socket.socket, workers: 
         Command("API", api, environment, inherited=(handle,)),
         _worker("worker", JOBS_QUEUE, workers, environment),
         _worker("short", SHORT_QUEUE, 1, environment),
+        _worker("webhooks", HOOKS_QUEUE, 8, environment, "--pool", "threads"),
     )
 
 
-def _worker(name: str, queue: str, processes: int, environment: Mapping[str, str]) -> Command:
+def _worker(name: str, queue: str, processes: int, environment: Mapping[str, str], *more: str) -> Command:
     """A Celery worker for one queue."""
     command = ("-m", "celery", "-A", "worker.app", "--quiet", "worker", "--loglevel", "INFO")
     place = ("--queues", queue, "--hostname", f"{name}@%h", "--concurrency", str(processes))
     fleet = ("--without-gossip", "--without-mingle", "--without-heartbeat")
     return Command(
         name,
-        (sys.executable, *command, *place, *fleet),
+        (sys.executable, *command, *place, *fleet, *more),
         environment,
         stop_signal=signal.SIGQUIT,
         stop_seconds=20.0,

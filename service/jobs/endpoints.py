@@ -13,7 +13,7 @@ from service.idempotency import IdempotencyKey
 from service.jobs import service
 from service.jobs.repository import cursor, position
 from service.jobs.schemas import JobPage, JobView, job_path
-from service.jobs.uploads import Upload, read_file, read_options
+from service.jobs.uploads import Upload, read_file, read_options, read_webhook
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -35,6 +35,7 @@ async def submit_job(
         UploadFile | None, File(description="its regions: CVAT XML, COCO JSON or a zip with either")
     ] = None,
     options: Annotated[str | None, Form(description="JSON object, see JobOptions")] = None,
+    webhook: Annotated[str | None, Form(description="JSON object, see Webhook")] = None,
     idempotency_key: IdempotencyKey = None,
 ) -> JobView:
     """Queue a picture for vectorization. The answer's `Location` is the job."""
@@ -43,6 +44,7 @@ async def submit_job(
         picture_name=image.filename or None,
         annotations=await read_file(annotations, "annotations", services.settings) if annotations else None,
         options=read_options(options),
+        webhook=read_webhook(webhook, services.settings),
     )
     job = await service.submit(services, owner, upload, idempotency_key)
     response.headers["Location"] = job_path(job.id)

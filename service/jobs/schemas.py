@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import base64
 from datetime import UTC, datetime
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 from gcvec.options import Options
 from service.errors import ProblemView
 from worker.artifacts import EXPORTS, KINDS
 from worker.records import Job, Status
+from worker.webhooks import SECRET_PREFIX
 
+EventName = Literal["job.started", "job.succeeded", "job.failed", "job.canceled"]
 Name = Annotated[str, StringConstraints(max_length=1024)]
 
 
@@ -42,6 +45,31 @@ class JobOptions(BaseModel):
     def to_engine(self) -> Options:
         """The engine's options. Raises gcvec.InputError naming the option that is out of range."""
         return Options(**self.model_dump(exclude={"image_name"}))
+
+
+class Webhook(BaseModel):
+    """An address that is called when the job changes, after the Standard Webhooks specification."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    url: Annotated[str, StringConstraints(max_length=2048)] = Field(description="https://...")
+    secret: Annotated[str, StringConstraints(max_length=128)] = Field(
+        description="the key of the signatures: whsec_ and 24 to 64 random bytes in Base64"
+    )
+    events: list[EventName] = Field(
+        default=["job.succeeded", "job.failed", "job.canceled"], description="what to tell", max_length=8
+    )
+
+    @field_validator("secret")
+    @classmethod
+    def _check(cls, secret: str) -> str:
+        try:
+            key = base64.b64decode(secret.removeprefix(SECRET_PREFIX), validate=True)
+        except ValueError:
+            key = b""
+        if not secret.startswith(SECRET_PREFIX) or not 24 <= len(key) <= 64:
+            raise ValueError("whsec_ and 24 to 64 bytes in Base64 are expected")
+        return secret
 
 
 class ProgressView(BaseModel):

@@ -55,6 +55,7 @@ async def _create(services: Services, owner: str, upload: Upload) -> Job:
         status="queued",
         created_at=time.time(),
         request={**request_of(upload), "width": header.width, "height": header.height},
+        webhook=upload.webhook.model_dump() if upload.webhook else None,
         bytes=len(upload.image) + len(upload.annotations or b""),
     )
     try:
@@ -167,6 +168,7 @@ def fingerprint_of(upload: Upload) -> str:
         upload.image,
         b"" if upload.annotations is None else b"+" + upload.annotations,
         json.dumps(request_of(upload), sort_keys=True).encode(),
+        upload.webhook.model_dump_json().encode() if upload.webhook else b"",
     )
     digests = b"".join(hashlib.sha256(part).digest() for part in parts)
     return hashlib.sha256(digests).hexdigest()

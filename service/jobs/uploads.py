@@ -13,8 +13,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from gcvec.errors import InputError
 from gcvec.io import PictureHeader, check_size, probe_picture, read_annotations
 from service.errors import ProblemError, answer
-from service.jobs.schemas import JobOptions
+from service.jobs.schemas import JobOptions, Webhook
 from worker.settings import Settings, limits
+from worker.webhooks import UnsafeTargetError, check_target
 
 _FORM_OVERHEAD = 1_000_000
 
@@ -27,6 +28,7 @@ class Upload:
     picture_name: str | None
     annotations: bytes | None
     options: JobOptions
+    webhook: Webhook | None = None
 
 
 class LimitBody:
@@ -83,6 +85,22 @@ def read_options(text: str | None) -> JobOptions:
     except InputError as error:
         raise InputError(str(error), code=error.code, pointer=f"/options/{error.pointer}") from None
     return options
+
+
+def read_webhook(text: str | None, settings: Settings) -> Webhook | None:
+    """The webhook in a JSON object. Raises ProblemError pointing at what is wrong with it."""
+    if text is None:
+        return None
+    try:
+        webhook = Webhook.model_validate_json(text)
+        check_target(webhook.url, private=settings.webhook_private)
+    except ValidationError as error:
+        first = error.errors()[0]
+        pointer = "/".join(("/webhook", *map(str, first["loc"])))
+        raise ProblemError("bad-webhook", first["msg"], pointer=pointer) from None
+    except UnsafeTargetError as error:
+        raise ProblemError("bad-webhook", str(error), pointer="/webhook/url") from None
+    return webhook
 
 
 def check(upload: Upload, settings: Settings) -> PictureHeader:

@@ -12,8 +12,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.conftest import start_service
-from worker.records import connect
+from tests.conftest import client_of, start_service
 
 pytestmark = pytest.mark.service
 
@@ -77,7 +76,7 @@ def test_a_broker_that_is_named_is_used(
         files = {"image": ("a.txt", b"no picture")}
         assert httpx.post(f"{service.url}/v1/jobs", files=files).status_code == 415
         assert not (tmp_path / "data" / "broker").exists()
-        client = connect(broker_url, patient=False)
+        client = client_of(broker_url)
         eventually(lambda: client.exists("_kombu.binding.gcvec-jobs"))
     finally:
         assert service.stop() == 0

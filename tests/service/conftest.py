@@ -17,16 +17,17 @@ import uvicorn
 from PIL import Image
 
 from service.app import create_app
+from tests.conftest import client_of
 from worker import storage
 from worker.artifacts import KINDS
-from worker.records import JobRecords, claim, connect, finish
+from worker.records import JobRecords, claim, finish
 from worker.settings import Settings
 from worker.storage import Manifest
 
 
 @pytest.fixture
 def settings(broker_url: str, tmp_path: Path) -> Settings:
-    connect(broker_url, patient=False).flushall()
+    client_of(broker_url).flushall()
     return Settings(broker_url=broker_url, data_dir=tmp_path, max_upload_bytes=100_000, max_side=200)
 
 
@@ -73,7 +74,7 @@ class Jobs:
         self._api = api
         self._settings = settings
         self.store = storage.open_store(settings.storage)
-        self.records = JobRecords(connect(settings.broker_url, patient=False))
+        self.records = JobRecords(client_of(settings.broker_url))
 
     def submit(self, **options: Any) -> str:
         files = {"image": ("a.png", png())}

@@ -13,9 +13,10 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
+from tests.conftest import client_of
 from tests.service.conftest import png, serving
 from tests.service.test_submit import refused
-from worker.records import JobRecords, claim, connect, finish
+from worker.records import JobRecords, claim, finish
 from worker.settings import Settings
 
 ALICE, BOB = "alice-0123456789abcdef", "bob-0123456789abcdefgh"
@@ -83,7 +84,7 @@ def test_metrics_can_be_open(keyed: Settings) -> None:
 
 def test_a_foreign_job_is_answered_like_one_that_never_was(locked: httpx.Client, keyed: Settings) -> None:
     job_id = locked.post("/v1/jobs", files=IMAGE, headers=key(ALICE)).json()["id"]
-    records = JobRecords(connect(keyed.broker_url, patient=False))
+    records = JobRecords(client_of(keyed.broker_url))
     assert records.run(claim(job_id))
     assert records.run(finish(job_id, "succeeded", retention=60))
     paths = ("", "/events", "/result", "/result.svg", "/preview.png", "/revisions/1", "/revisions/1/result")

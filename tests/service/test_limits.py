@@ -7,10 +7,11 @@ from pathlib import Path
 
 import httpx
 
+from tests.conftest import client_of
 from tests.service.conftest import Jobs, png, serving
 from tests.service.test_access import ALICE, BOB, key
 from tests.service.test_submit import files_in, refused
-from worker.records import JobRecords, claim, connect, finish
+from worker.records import JobRecords, claim, finish
 from worker.settings import Settings
 
 IMAGE = {"image": ("a.png", png())}
@@ -21,7 +22,7 @@ def limited(settings: Settings, **limits: int) -> Settings:
 
 
 def stored(settings: Settings) -> dict[str, str]:
-    return dict(connect(settings.broker_url, patient=False).hgetall("gcvec:stored"))
+    return dict(client_of(settings.broker_url).hgetall("gcvec:stored"))
 
 
 def test_too_many_requests_of_one_key_are_refused_for_a_while(settings: Settings) -> None:
@@ -47,7 +48,7 @@ def test_too_many_unfinished_jobs_are_refused_and_leave_nothing(settings: Settin
         assert int(answer.headers["retry-after"]) > 0
         assert files_in(tmp_path / "storage") == files
         assert client.post("/v1/jobs", files=IMAGE, headers=key(BOB)).status_code == 202
-        records = JobRecords(connect(settings.broker_url, patient=False))
+        records = JobRecords(client_of(settings.broker_url))
         assert records.run(claim(first))
         assert records.run(finish(first, "succeeded", retention=60))
         assert client.post("/v1/jobs", files=IMAGE, headers=key(ALICE)).status_code == 202

@@ -10,10 +10,10 @@ from service.errors import ProblemError
 from service.jobs.repository import Changes
 from service.jobs.repository import connect as connect_async
 from service.questions import Questions
+from tests.conftest import client_of
 from worker.app import EXPORT, SHORT_QUEUE, create_celery
 from worker.problems import problem
 from worker.questions import Answer, give, question_key
-from worker.records import connect
 from worker.settings import Settings
 
 
@@ -34,7 +34,7 @@ def asking(settings: Settings, work: Callable[[Questions], Awaitable[Any]]) -> A
 
 async def answered(settings: Settings, answer: Answer) -> None:
     await asyncio.sleep(0.3)
-    await asyncio.to_thread(give, connect(settings.broker_url, patient=False), "key", answer)
+    await asyncio.to_thread(give, client_of(settings.broker_url), "key", answer)
 
 
 def test_however_many_ask_the_work_is_done_once(settings: Settings) -> None:
@@ -44,7 +44,7 @@ def test_however_many_ask_the_work_is_done_once(settings: Settings) -> None:
         return answers
 
     assert asking(settings, many) == [Answer(5)] * 20
-    assert connect(settings.broker_url, patient=False).llen(SHORT_QUEUE) == 1
+    assert client_of(settings.broker_url).llen(SHORT_QUEUE) == 1
 
 
 def test_a_problem_is_raised(settings: Settings) -> None:
@@ -60,7 +60,7 @@ def test_a_problem_is_raised(settings: Settings) -> None:
 
 def test_an_answer_that_does_not_come_is_not_awaited_for_ever(settings: Settings) -> None:
     assert asking(settings, lambda questions: questions.ask("key", EXPORT, [], 0.2)) is None
-    assert 0 < connect(settings.broker_url, patient=False).ttl(question_key("key")) <= 120
+    assert 0 < client_of(settings.broker_url).ttl(question_key("key")) <= 120
 
 
 def test_an_answer_is_read_as_it_was_given() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.conftest import client_of
 from tests.service.conftest import cvat, png, serving
-from worker.records import connect
 from worker.settings import Settings
 
 IMAGE = ("a.png", png())
@@ -44,7 +44,7 @@ def test_a_picture_becomes_a_queued_job(api: httpx.Client, settings: Settings, t
 
 def test_the_message_is_a_job_id_and_nothing_large_is_in_redis(api: httpx.Client, settings: Settings) -> None:
     job = api.post("/v1/jobs", files={"image": IMAGE, "annotations": ("a.xml", cvat())}).json()
-    client = connect(settings.broker_url, patient=False)
+    client = client_of(settings.broker_url)
     (message,) = client.lrange("gcvec-jobs", 0, -1)
     assert json.loads(message)["headers"]["argsrepr"] == f"['{job['id']}']"
     assert all(client.memory_usage(key) < 10_000 for key in client.scan_iter())
@@ -131,3 +131,24 @@ def test_nothing_is_left_when_the_broker_is_away(tmp_path: Path) -> None:
         refused(api.get("/readyz"), 503, "unavailable")
         assert api.get("/livez").status_code == 200
     assert files_in(tmp_path / "storage") == []
+
+
+@pytest.mark.parametrize(
+    ("webhook", "pointer"),
+    [
+        ("{", "/webhook"),
+        ("[]", "/webhook"),
+        ('{"url": "https://a.example"}', "/webhook/secret"),
+        ('{"url": "https://a.example", "secret": "abc"}', "/webhook/secret"),
+        ('{"url": "https://a.example", "secret": "whsec_AAAA"}', "/webhook/secret"),
+        ('{"url": "https://a.example", "secret": "whsec_%%%"}', "/webhook/secret"),
+        ('{"url": "https://10.0.0.1", "secret": "whsec_' + "A" * 32 + '"}', "/webhook/url"),
+        (
+            '{"url": "https://a.example", "secret": "whsec_' + "A" * 32 + '", "events": ["x"]}',
+            "/webhook/events/0",
+        ),
+    ],
+)
+def test_a_webhook_that_cannot_be_called_is_refused(api: httpx.Client, webhook: str, pointer: str) -> None:
+    answer = api.post("/v1/jobs", files={"image": IMAGE}, data={"webhook": webhook})
+    assert refused(answer, 422, "bad-webhook")["pointer"] == pointer

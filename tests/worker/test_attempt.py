@@ -7,19 +7,20 @@ from collections.abc import Callable
 import pytest
 
 from gcvec.progress import Progress
+from tests.conftest import client_of
 from worker.attempt import Attempt, StopError
 from worker.records import Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
 
 
 @pytest.fixture
 def records(broker_url: str) -> JobRecords:
-    return JobRecords(connect(broker_url, patient=False))
+    return JobRecords(client_of(broker_url))
 
 
 @pytest.fixture
 def job_id(broker_url: str, records: JobRecords) -> str:
     job = Job(id=uuid.uuid4().hex, owner="me", status="queued", created_at=time.time())
-    connect(broker_url, patient=False).hset(record_key(job.id), mapping=job.to_fields())
+    client_of(broker_url).hset(record_key(job.id), mapping=job.to_fields())
     assert records.run(claim(job.id)) == 1
     return job.id
 
@@ -40,7 +41,7 @@ def test_every_iteration_becomes_an_event(broker_url: str, records: JobRecords, 
     with Attempt(records, job_id, 1, seconds=60, retention=60) as attempt:
         for number in range(1, 31):
             attempt.on_progress(iteration(number))
-    client = connect(broker_url, patient=False)
+    client = client_of(broker_url)
     assert client.xlen(events_key(job_id)) == 30
     job = records.get(job_id)
     assert job is not None
@@ -61,7 +62,7 @@ def test_a_cancelled_job_stops_within_a_second(records: JobRecords, job_id: str)
 
 def test_a_superseded_attempt_stops(broker_url: str, records: JobRecords, job_id: str) -> None:
     with Attempt(records, job_id, 1, seconds=60, retention=60) as attempt:
-        connect(broker_url, patient=False).delete(lease_key(job_id))
+        client_of(broker_url).delete(lease_key(job_id))
         assert records.run(claim(job_id)) == 2
         with pytest.raises(StopError):
             run_until_stopped(attempt, 5)
@@ -83,7 +84,7 @@ def test_the_time_limit_ends_the_job(records: JobRecords, job_id: str) -> None:
 def test_an_outage_neither_slows_nor_fails_a_run_and_loses_no_event(
     broker_url: str, records: JobRecords, job_id: str, eventually: Callable[..., None]
 ) -> None:
-    client = connect(broker_url, patient=False)
+    client = client_of(broker_url)
     nobody = connect("redis://127.0.0.1:1/0", patient=False)
     line = JobRecords(nobody)
     with Attempt(line, job_id, 1, seconds=60, retention=60) as attempt:

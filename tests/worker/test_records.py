@@ -6,6 +6,7 @@ import uuid
 import pytest
 import redis
 
+from tests.conftest import client_of
 from worker.problems import problem
 from worker.records import (
     ACTIVE,
@@ -13,7 +14,6 @@ from worker.records import (
     Job,
     JobRecords,
     claim,
-    connect,
     events_key,
     finish,
     lease_key,
@@ -27,7 +27,7 @@ from worker.records import (
 
 @pytest.fixture
 def client(broker_url: str) -> redis.Redis:
-    return connect(broker_url, patient=False)
+    return client_of(broker_url)
 
 
 @pytest.fixture

@@ -1,0 +1,159 @@
+"""Webhooks: what is told, how it is signed, and where it may not go."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import Any
+
+import pytest
+
+from worker.problems import problem
+from worker.records import Job
+from worker.webhooks import UnsafeTargetError, check_target, message, post, signed_headers
+
+KEY = bytes(range(24))
+SECRET = "whsec_" + base64.b64encode(KEY).decode()
+
+
+class Receiver(HTTPServer):
+    """Answers every call with `status` and keeps what came."""
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.calls: list[tuple[dict[str, str], bytes]] = []
+        self.status = 204
+        self.url = f"http://127.0.0.1:{self.server_port}"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Receiver
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["content-length"]))
+        self.server.calls.append(({k.lower(): v for k, v in self.headers.items()}, body))
+        self.send_response(self.server.status)
+        self.send_header("Location", f"{self.server.url}/elsewhere")
+        self.end_headers()
+
+    def log_message(self, *_: Any) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    with Receiver() as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def signature_of(headers: dict[str, str], body: bytes) -> str:
+    """The signature, computed from the words of the specification."""
+    signed = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.{body.decode()}".encode()
+    return "v1," + base64.b64encode(hmac.new(KEY, signed, hashlib.sha256).digest()).decode()
+
+
+def test_a_message_is_signed_over_id_time_and_body() -> None:
+    headers = signed_headers(SECRET, "msg_1", 1_614_265_330, b'{"test": 2}')
+    assert headers["webhook-id"] == "msg_1"
+    assert headers["webhook-timestamp"] == "1614265330"
+    assert headers["webhook-signature"] == signature_of(headers, b'{"test": 2}')
+    assert headers["webhook-signature"] != signature_of(headers, b'{"test": 3}')
+
+
+def test_a_message_names_the_job_and_why_it_failed() -> None:
+    error = problem("time-limit", "too long").as_dict()
+    job = Job(id="x", owner="me", status="failed", created_at=0.0, finished_at=86_400.0, error=error)
+    told = json.loads(message(job, "failed"))
+    assert told["type"] == "job.failed"
+    assert told["timestamp"] == "1970-01-02T00:00:00+00:00"
+    assert told["data"] == {"id": "x", "status": "failed", "links": {"self": "/v1/jobs/x"}, "error": error}
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://example.com/",
+        "ftp://example.com/",
+        "file:///etc/passwd",
+        "https://",
+        "https:///path",
+        "https://user:pass@example.com/",
+        "https://example.com:99999/",
+        "https://exa mple.com/",
+        "https://example.com/\r\nX-Injected: 1",
+        "https://bücher.example/",
+        "https://[::1/",
+        "https://127.0.0.1/",
+        "https://10.1.2.3/",
+        "https://172.16.0.1/",
+        "https://192.168.1.1/",
+        "https://169.254.169.254/latest/meta-data",
+        "https://100.64.0.1/",
+        "https://0.0.0.0/",
+        "https://224.0.0.1/",
+        "https://255.255.255.255/",
+        "https://[::1]/",
+        "https://[::]/",
+        "https://[fe80::1]/",
+        "https://[fd00::1]/",
+        "https://[::ffff:127.0.0.1]/",
+        "https://[2002:7f00:1::]/",
+    ],
+)
+def test_unsafe_addresses_are_refused_at_sight(url: str) -> None:
+    with pytest.raises(UnsafeTargetError):
+        check_target(url, private=False)
+
+
+@pytest.mark.parametrize(
+    "url", ["https://example.com/hook?x=1", "https://93.184.216.34:8443/", "HTTPS://a.b/"]
+)
+def test_public_addresses_are_accepted(url: str) -> None:
+    check_target(url, private=False)
+
+
+@pytest.mark.parametrize("host", ["localhost", "2130706433", "0x7f000001", "127.1", "017700000001"])
+def test_names_of_private_addresses_are_refused_when_they_are_resolved(receiver: Receiver, host: str) -> None:
+    with pytest.raises(UnsafeTargetError):
+        post(f"https://{host}:{receiver.server_port}/", {}, b"", private=False)
+    assert receiver.calls == []
+
+
+def test_one_private_address_among_public_ones_is_enough_to_refuse(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = [(2, 1, 6, "", ("93.184.216.34", 443)), (2, 1, 6, "", ("10.0.0.1", 443))]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: answers)
+    with pytest.raises(UnsafeTargetError):
+        post("https://rebinding.example/", {}, b"", private=False)
+
+
+def test_the_connection_goes_to_the_address_that_was_checked(
+    receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    resolve, asked = socket.getaddrinfo, []
+
+    def once(host: str, port: int, *rest: Any, **more: Any) -> Any:
+        asked.append(host)
+        return resolve("127.0.0.1" if host == "hooks.example" else host, port, *rest, **more)
+
+    monkeypatch.setattr(socket, "getaddrinfo", once)
+    port = receiver.server_port
+    assert post(f"http://hooks.example:{port}/a?b=c", {"x": "y"}, b"{}", private=True) == 204
+    assert asked.count("hooks.example") == 1
+    ((headers, body),) = receiver.calls
+    assert (headers["host"], headers["x"], body) == (f"hooks.example:{port}", "y", b"{}")
+
+
+def test_redirects_are_not_followed(receiver: Receiver) -> None:
+    receiver.status = 307
+    assert post(receiver.url, {}, b"{}", private=True) == 307
+    assert len(receiver.calls) == 1

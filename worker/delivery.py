@@ -1,0 +1,65 @@
+"""The task that calls webhooks. A receiver that fails is called again, with growing pauses."""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Any
+from urllib.parse import urlsplit
+
+from worker.app import DELIVER, app
+from worker.records import Job
+from worker.webhooks import DELIVERIES, UnsafeTargetError, event_name, message, post, signed_headers
+from worker.workshop import Workshop, workshop
+
+logger = logging.getLogger(__name__)
+
+_GONE = 410
+
+
+@app.task(name=DELIVER)
+def deliver(entry: str) -> None:
+    """Tell of one change of a job, or have it told later; `entry` is "ID STATUS"."""
+    shop = workshop()
+    job_id, status = entry.split()
+    job = shop.records.get(job_id)
+    if job is None or job.webhook is None or event_name(status) not in job.webhook["events"]:
+        _settle(shop, entry)
+        return
+    tries = _count(shop, entry)
+    try:
+        done = _call(shop, job, status)
+    except UnsafeTargetError as error:
+        logger.warning("job %s: webhook refused: %s", job_id, error)
+        done = True
+    except Exception as error:  # whatever the server or the name of a stranger does to us
+        logger.warning("job %s: webhook not reached: %s", job_id, type(error).__name__)
+        done = False
+    pauses = shop.settings.webhook_pauses
+    if done or tries > len(pauses):
+        _settle(shop, entry)
+    else:
+        shop.client.zadd(DELIVERIES, {entry: time.time() + pauses[tries - 1]}, xx=True)
+
+
+def _call(shop: Workshop, job: Job, status: str) -> bool:
+    """Whether the receiver has taken the message, or wants none."""
+    hook: Any = job.webhook
+    body = message(job, status)
+    headers = signed_headers(hook["secret"], f"msg_{job.id}_{status}", int(time.time()), body)
+    answer = post(hook["url"], headers, body, private=shop.settings.webhook_private)
+    logger.info("job %s: webhook at %s answered %d", job.id, urlsplit(hook["url"]).hostname, answer)
+    return 200 <= answer < 300 or answer == _GONE
+
+
+def _count(shop: Workshop, entry: str) -> int:
+    key = f"gcvec:told:{entry}"
+    with shop.client.pipeline(transaction=True) as pipeline:
+        pipeline.incr(key)
+        pipeline.expire(key, 7 * 86_400)
+        return int(pipeline.execute()[0])
+
+
+def _settle(shop: Workshop, entry: str) -> None:
+    shop.client.zrem(DELIVERIES, entry)
+    shop.client.delete(f"gcvec:told:{entry}")

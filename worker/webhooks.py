@@ -1,0 +1,127 @@
+"""Tells the address that a job names how the job fares, after the Standard Webhooks specification.
+
+What is to be told is written to Redis by the same atomic step that changes the job (`worker.records`), so
+nothing is forgotten; it may be told twice, under the same id.
+
+    gcvec:deliveries      "ID STATUS" by the time at which it is to be told
+    gcvec:told:ID STATUS  how often that was tried
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import json
+import socket
+from datetime import UTC, datetime
+from ipaddress import IPv4Address, IPv6Address, ip_address
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+import httpx
+
+from worker.records import Job
+
+DELIVERIES: Final = "gcvec:deliveries"
+STATUSES: Final = ("running", "succeeded", "failed", "canceled")
+SECRET_PREFIX: Final = "whsec_"
+
+_SECONDS: Final = 10.0
+_SCHEMES: Final = {"https": 443, "http": 80}
+
+
+class UnsafeTargetError(Exception):
+    """The address may not be called."""
+
+
+def event_name(status: str) -> str:
+    """The event that a job with this status amounts to."""
+    return f"job.{'started' if status == 'running' else status}"
+
+
+def message(job: Job, status: str) -> bytes:
+    """What is told: small, with links to the rest."""
+    data: dict[str, Any] = {"id": job.id, "status": status, "links": {"self": f"/v1/jobs/{job.id}"}}
+    if status == "failed":
+        data["error"] = job.error
+    at = job.started_at if status == "running" else job.finished_at
+    timestamp = datetime.fromtimestamp(at or job.created_at, UTC).isoformat()
+    return json.dumps({"type": event_name(status), "timestamp": timestamp, "data": data}).encode()
+
+
+def signed_headers(secret: str, identity: str, seconds: int, body: bytes) -> dict[str, str]:
+    """The headers by which a receiver checks that the message is ours, and recent."""
+    key = base64.b64decode(secret.removeprefix(SECRET_PREFIX))
+    content = b".".join((identity.encode(), str(seconds).encode(), body))
+    signature = base64.b64encode(hmac.new(key, content, hashlib.sha256).digest()).decode()
+    return {
+        "webhook-id": identity,
+        "webhook-timestamp": str(seconds),
+        "webhook-signature": f"v1,{signature}",
+        "content-type": "application/json",
+    }
+
+
+def check_target(url: str, *, private: bool) -> None:
+    """Raise UnsafeTargetError for an address that could not be called, as far as can be seen without asking.
+
+    `private` allows addresses of our own network, and plain HTTP.
+    """
+    try:
+        parts = urlsplit(url)
+        host, _ = parts.hostname or "", parts.port
+    except ValueError:
+        raise UnsafeTargetError("this is not a URL") from None
+    if parts.scheme not in _SCHEMES or not host or not url.isascii() or not url.isprintable() or " " in url:
+        raise UnsafeTargetError("this is not an https URL")
+    if parts.username is not None or parts.password is not None:
+        raise UnsafeTargetError("a URL with a user name is not accepted")
+    if private:
+        return
+    if parts.scheme != "https":
+        raise UnsafeTargetError("only https is called")
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return
+    if not is_public(address):
+        raise UnsafeTargetError("this is not a public address")
+
+
+def post(url: str, headers: dict[str, str], body: bytes, *, private: bool) -> int:
+    """Call the address; the status of the answer. Redirects and proxies are not followed.
+
+    The name is resolved once, and the connection goes to the address that was checked.
+    Raises UnsafeTargetError, OSError and httpx.HTTPError.
+    """
+    check_target(url, private=private)
+    parts = urlsplit(url)
+    host = parts.hostname or ""
+    port = parts.port or _SCHEMES[parts.scheme]
+    address = _resolve(host, port, private=private)
+    place = f"[{address}]:{port}" if address.version == 6 else f"{address}:{port}"
+    pinned = parts._replace(netloc=place, fragment="").geturl()
+    named = {**headers, "host": parts.netloc}
+    verified = {"sni_hostname": host}  # the certificate must be the name's
+    with (
+        httpx.Client(trust_env=False, timeout=_SECONDS) as client,
+        client.stream("POST", pinned, headers=named, content=body, extensions=verified) as answer,
+    ):
+        return answer.status_code
+
+
+def _resolve(host: str, port: int, *, private: bool) -> IPv4Address | IPv6Address:
+    """The address of a name; all that it has must be allowed."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    addresses = [ip_address(str(entry[4][0]).partition("%")[0]) for entry in found]
+    if not private and not all(map(is_public, addresses)):
+        raise UnsafeTargetError("the name leads to an address that is not public")
+    return addresses[0]
+
+
+def is_public(address: IPv4Address | IPv6Address) -> bool:
+    """Whether it is an address of the internet; one that embeds another is not."""
+    if isinstance(address, IPv6Address) and (address.ipv4_mapped or address.sixtofour or address.teredo):
+        return False
+    return address.is_global and not address.is_multicast
