@@ -35,10 +35,11 @@ GROWTH = 0.4
 FIRST_POINTS = 1 / 1500
 """A round adds this share of the points there are, and this many a pixel on top."""
 
+CROWDED = 1 / 8
 LEAST_RETURN = 0.1
 IDLE_ROUNDS = 2
-"""So many rounds in a row, in which the error falls by less than this power of the number of points, are the
-last."""
+"""With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
+the number of points are the last."""
 
 AIM = 0.9
 """Share of the target at which refinement first stops: rounding to the file's steps takes the rest."""
@@ -160,7 +161,8 @@ class Refinement:
             self.colors = np.concatenate([self.colors, self._picture[new[:, 1], new[:, 0]]])
             self._update(n_new=len(new))
             helped = np.log(before / self.mse) >= LEAST_RETURN * np.log((n + len(new)) / max(n, 1))
-            idle_rounds = 0 if helped else idle_rounds + 1
+            crowded = len(self.points) > CROWDED * len(self._truth)
+            idle_rounds = idle_rounds + 1 if crowded and not helped else 0
             if idle_rounds == IDLE_ROUNDS:
                 return False
         return True
