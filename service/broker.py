@@ -6,6 +6,7 @@ import secrets
 import shutil
 import socket
 import time
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -61,13 +62,14 @@ def wait_until_ready(url: str, seconds: float) -> bool:
         url, socket_timeout=1, socket_connect_timeout=1, retry=Retry(NoBackoff(), 0)
     )
     deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        try:
-            client.ping()
-        except redis.RedisError:
-            time.sleep(0.05)
-        else:
-            return True
+    with closing(client):
+        while time.monotonic() < deadline:
+            try:
+                client.ping()
+            except redis.RedisError:
+                time.sleep(0.05)
+            else:
+                return True
     return False
 
 
