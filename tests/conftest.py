@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
@@ -17,6 +17,7 @@ import redis
 
 from service.broker import private_broker, wait_until_ready
 from tests.browser import Browser
+from worker.process import die_with
 from worker.records import connect
 
 
@@ -78,7 +79,8 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 def broker_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A Redis-protocol server of our own."""
     broker = private_broker(tmp_path_factory.mktemp("broker"))
-    process = subprocess.Popen(broker.command.arguments, stdin=subprocess.PIPE)
+    dying = partial(die_with, os.getpid())
+    process = subprocess.Popen(broker.command.arguments, stdin=subprocess.PIPE, preexec_fn=dying)
     assert process.stdin is not None
     process.stdin.write(broker.command.stdin or b"")
     process.stdin.close()
