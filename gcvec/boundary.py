@@ -78,6 +78,16 @@ class Network:
     curves: tuple[Curve, ...]
     loops: tuple[tuple[Loop, ...], ...]
 
+    @property
+    def control_points(self) -> Floats:
+        """`(c, 2)` control points of all curves, one curve after another."""
+        return np.concatenate([curve.control_points for curve in self.curves])
+
+    @property
+    def offsets(self) -> NDArray[np.int64]:
+        """`(curves + 1,)` where each curve's control points begin in them."""
+        return np.cumsum([0] + [len(curve.control_points) for curve in self.curves])
+
 
 def boundary_network(borders: Borders, distances: Sequence[float] | None = None) -> Network:
     """Fit the borders of a picture with B-splines.

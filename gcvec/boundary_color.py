@@ -147,7 +147,7 @@ def fit_boundary_colors(
     colors = picture.reshape(-1, 3)
     inward = _inward(labels)
     sides = np.array([(c.right, c.left) for c in network.curves])
-    offsets = np.concatenate([[0], np.cumsum([len(c.control_points) for c in network.curves])])
+    offsets = network.offsets
     control, weight = _basis_through_curves(network, samples, offsets)
     rows, seen = [], []
     for side, outward in ((RIGHT, 1.0), (LEFT, -1.0)):

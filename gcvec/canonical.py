@@ -84,16 +84,13 @@ class Canvas:
 
     def patch_of_points(self) -> Ints:
         """`(n,)` patch of every interior control point."""
-        mesh = self.mesh
-        owner = np.zeros(len(mesh.vertices), np.int64)
-        owner[mesh.triangles] = mesh.patch[:, None]
-        return owner[mesh.n_samples : mesh.first_free]
+        return self.mesh.patch_of_vertices()[self.mesh.n_samples : self.mesh.first_free]
 
     def foldovers(self) -> Ints:
         """Triangles of the mesh that S turns over."""
         f = self.foundation
-        on_curves = np.einsum("nk,nkd->nd", f.samples.weight, f.control_points[f.samples.control])
-        return folded(np.concatenate([on_curves, self.places]), self.mesh.triangles)
+        image = np.concatenate([f.samples.on_curves(f.control_points), self.places])
+        return folded(image, self.mesh.triangles)
 
 
 def lay_foundation(
@@ -101,8 +98,7 @@ def lay_foundation(
 ) -> Foundation:
     """The foundation of a network whose levels are final."""
     samples = boundary_samples(network)
-    reference = np.concatenate([c.control_points for c in network.curves])
-    moved = reference if control_points is None else control_points
+    moved = network.control_points if control_points is None else control_points
     return Foundation(
         network, hard, samples, geometry(network, samples, moved), color_space(network, hard), moved
     )

@@ -87,7 +87,7 @@ def _write(coder: Coder, image: VectorImage) -> tuple[int, int]:
         ]
     )
     code_topology(coder, _CURVES, table)
-    reference = np.concatenate([c.control_points for c in network.curves])
+    reference = network.control_points
     _code_positions(coder, table, steps, reference)
     if image.control_points is not None:
         _code_positions(coder, table, steps, image.control_points)
@@ -250,13 +250,6 @@ def _code_points(
         steps.point,
         BASIS,
     )
-
-
-def quantized_boundary(foundation: Foundation, steps: Quantization, colors: Floats) -> Floats:
-    """Boundary colours `(b, 3)` as a decoder will see them."""
-    seen = colors.copy()
-    _code_boundary(entropy.writer(0, _CONTEXTS), foundation, steps, seen)
-    return seen
 
 
 def predicted_colors(foundation: Foundation, boundary_colors: Floats, points: Ints) -> Floats:

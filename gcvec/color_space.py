@@ -32,8 +32,8 @@ class ColorSpace:
     """Numbering of the boundary colours of a network.
 
     size       number of boundary unknowns
-    of_control (2, c) unknown of every control point of every curve, for the right and the left side; -1
-    outside the image
+    of_control (2, c) unknown of every control point of every curve, for the right and the left side;
+               -1 outside the image
     node_keys  (k,) sorted `node * n_patches + patch`
     of_node    (k,) unknown of each of them
     """
@@ -51,8 +51,7 @@ class ColorSpace:
         has.
 
         The colours are those of the control points, of the free vertices, and of every pair of boundary
-        vertex and
-        patch in use.
+        vertex and patch in use.
         """
         left = np.array([c.left for c in network.curves])
         index, vertex, patch = self._corners(drawing)
@@ -63,10 +62,9 @@ class ColorSpace:
         key = vertex[at_node] * self.n_patches + patch[at_node]
         boundary[at_node] = self.of_node[np.searchsorted(self.node_keys, key)][:, None]
 
-        patch_of = np.zeros(len(mesh.vertices), np.int64)
-        patch_of[mesh.triangles] = mesh.patch[:, None]
+        patch_of = mesh.patch_of_vertices()
         free = blend.boundary.tocoo()
-        owner = np.repeat(np.arange(len(network.curves)), [len(c.control_points) for c in network.curves])
+        owner = np.repeat(np.arange(len(network.curves)), np.diff(network.offsets))
         free_side = np.where(left[owner[free.col]] == patch_of[mesh.first_free + free.row], LEFT, RIGHT)
         free_points = blend.points.tocoo()
 
@@ -115,7 +113,7 @@ def color_space(network: Network, hard: NDArray[np.bool_]) -> ColorSpace:
     graph = sparse.coo_array((np.ones(len(tie)), tuple(tie.T)), shape=(len(node_keys),) * 2)
     size, of_node = csgraph.connected_components(graph, directed=False)
 
-    offsets = np.concatenate([[0], np.cumsum([len(c.control_points) for c in network.curves])])
+    offsets = network.offsets
     of_control = np.full((2, offsets[-1]), -1, np.int64)
     for c, (curve, is_hard) in enumerate(zip(network.curves, hard, strict=True)):
         inner = slice(offsets[c] + (not curve.closed), offsets[c + 1] - (not curve.closed))

@@ -65,7 +65,7 @@ def draw(
     `control_points` `(c, 2)` are those of all curves, `interior` `(v - n_samples, 2)` the places of the
     interior vertices.
     """
-    on_curve = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
+    on_curve = samples.on_curves(control_points)
     pieces = _pieces(network, samples, control_points, flatness)
     while True:
         cut = np.flatnonzero(pieces > 1)

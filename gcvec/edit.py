@@ -103,7 +103,7 @@ def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
     mesh = image.canvas.mesh
     places = geometry.to_image(mesh.vertices[mesh.n_samples :])
     canvas = replace(image.canvas, foundation=foundation, places=places)
-    unmoved = np.array_equal(control_points, np.concatenate([c.control_points for c in network.curves]))
+    unmoved = np.array_equal(control_points, network.control_points)
     edited = replace(image, control_points=None if unmoved else control_points, report=None)
     return _with_canvas(edited, canvas)
 

@@ -45,6 +45,12 @@ class Mesh:
     def first_free(self) -> int:
         return self.n_samples + self.n_points
 
+    def patch_of_vertices(self) -> Ints:
+        """`(v,)` the patch of every interior vertex; of boundary samples, one of those beside them."""
+        patch = np.zeros(len(self.vertices), np.int64)
+        patch[self.triangles] = self.patch[:, None]
+        return patch
+
 
 def patch_mesh(mesh: Mesh, patch: int) -> tuple[Mesh, Ints]:
     """The mesh of one patch, and the vertices `(k,)` it keeps: all boundary samples, its interior ones."""

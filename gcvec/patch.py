@@ -227,5 +227,5 @@ def geometry(network: Network, samples: BoundarySamples, control_points: Floats)
 
 
 def _image(samples: BoundarySamples, blended: Blend, control_points: Floats) -> Floats:
-    on_curves = np.einsum("nk,nkd->nd", samples.weight, control_points[samples.control])
+    on_curves = samples.on_curves(control_points)
     return np.concatenate([on_curves, blended.boundary @ control_points])

@@ -62,18 +62,20 @@ class BoundarySamples:
     def __len__(self) -> int:
         return len(self.domain)
 
+    def on_curves(self, control_points: Floats) -> Floats:
+        """`(n, 2)` position of every sample in the image, for `control_points` `(c, 2)` of all curves."""
+        return np.asarray(np.einsum("nk,nkd->nd", self.weight, control_points[self.control]))
+
 
 def boundary_samples(network: Network) -> BoundarySamples:
     """Sample every curve of a network."""
-    sizes = [len(c.control_points) for c in network.curves]
-    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    offsets = network.offsets
     node_control = np.full(network.n_nodes, -1)
     for c, curve in enumerate(network.curves):
         if not curve.closed:
             node_control[curve.start] = offsets[c]
             node_control[curve.end] = offsets[c + 1] - 1
-    control_points = np.concatenate([c.control_points for c in network.curves])
-    node_at = control_points[node_control]
+    node_at = network.control_points[node_control]
 
     domain, control, weight, owner, parameter = [node_at], [], [], [], []
     control.append(np.repeat(node_control[:, None], 4, axis=1))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
 from gcvec.cli._files import about, load_picture, require_folder, warn, write
+from gcvec.cli._options import MaxPoints, Regions, Snap, Strategy, TargetMse
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 
@@ -40,22 +41,11 @@ def vectorize(
             help="The picture's name in the annotations; default: the file's own name, else the only one.",
         ),
     ] = None,
-    regions: Annotated[
-        int, Option(metavar="N", help="How many automatic regions; 0: as many as pay for themselves.")
-    ] = Options.regions,
-    snap: Annotated[
-        float,
-        Option(metavar="PX", help="How far annotated borders may move onto edges; 0: kept as drawn."),
-    ] = Options.snap,
-    strategy: Annotated[
-        Literal["batch", "paper"], Option(help="How interior control points are placed.")
-    ] = Options.strategy,
-    target_mse: Annotated[
-        float, Option(help="Mean squared error of the picture (0-255 scale) at which refinement stops.")
-    ] = Options.target_mse,
-    max_points: Annotated[
-        int, Option(help="Most interior control points of one region; 0: no limit.")
-    ] = Options.max_points,
+    regions: Regions = Options.regions,
+    snap: Snap = Options.snap,
+    strategy: Strategy = Options.strategy,
+    target_mse: TargetMse = Options.target_mse,
+    max_points: MaxPoints = Options.max_points,
     workers: Annotated[int, Option(help="Threads; 0: one a core.")] = Options.workers,
     report: Annotated[
         Path | None, Option(metavar="R.json", help="Write errors, counts and times here.")

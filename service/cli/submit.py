@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from httpx import HTTPError
 from typer import Argument, Option
 
+from gcvec.cli._options import MaxPoints, Regions, Snap, Strategy, TargetMse
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 from service.client import Client, problem_error
@@ -32,22 +33,11 @@ def submit(
     image_name: Annotated[
         str | None, Option(metavar="NAME", help="The picture's name in a file that annotates several.")
     ] = None,
-    regions: Annotated[
-        int, Option(metavar="N", help="How many automatic regions; 0: as many as pay for themselves.")
-    ] = Options.regions,
-    snap: Annotated[
-        float,
-        Option(metavar="PX", help="How far annotated borders may move onto edges; 0: kept as drawn."),
-    ] = Options.snap,
-    strategy: Annotated[
-        Literal["batch", "paper"], Option(help="How interior control points are placed.")
-    ] = Options.strategy,
-    target_mse: Annotated[
-        float, Option(help="Mean squared error of the picture (0-255 scale) at which refinement stops.")
-    ] = Options.target_mse,
-    max_points: Annotated[
-        int, Option(help="Most interior control points of one region; 0: no limit.")
-    ] = Options.max_points,
+    regions: Regions = Options.regions,
+    snap: Snap = Options.snap,
+    strategy: Strategy = Options.strategy,
+    target_mse: TargetMse = Options.target_mse,
+    max_points: MaxPoints = Options.max_points,
     key: Annotated[str | None, Option(envvar="GCVEC_API_KEY", help="API key, if the service asks.")] = None,
 ) -> None:
     """Upload a picture to a service, watch the job and download its files."""
