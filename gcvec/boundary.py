@@ -16,6 +16,7 @@ from gcvec import bspline
 from gcvec.borders import Border, Borders, Loop
 from gcvec.planar_graph import OUTSIDE
 from gcvec.sampling import Sampling, sampling
+from gcvec.spline_family import SplineFamily
 
 Floats = NDArray[np.float64]
 
@@ -51,17 +52,6 @@ class Curve:
     def segments(self) -> int:
         return bspline.segments_of(self.control_points, self.closed)
 
-    @cached_property
-    def sampling(self) -> Sampling:
-        """The samples through which the curve meets meshes, whatever its level."""
-        return sampling(self.control_points, self.closed)
-
-    def at_level(self, level: int) -> Curve:
-        """The curve with its parameter polygons within 2^-`level` pixels."""
-        changed = replace(self, level=level)
-        changed.__dict__["sampling"] = self.sampling
-        return changed
-
     @property
     def on_frame(self) -> bool:
         return self.left == OUTSIDE or self.right == OUTSIDE
@@ -78,7 +68,13 @@ class Network:
     curves: tuple[Curve, ...]
     loops: tuple[tuple[Loop, ...], ...]
 
-    @property
+    @cached_property
+    def family(self) -> SplineFamily:
+        """All curves as one family of splines."""
+        counts = [len(curve.control_points) for curve in self.curves]
+        return SplineFamily(np.cumsum([0, *counts]), np.array([c.closed for c in self.curves]))
+
+    @cached_property
     def control_points(self) -> Floats:
         """`(c, 2)` control points of all curves, one curve after another."""
         return np.concatenate([curve.control_points for curve in self.curves])
@@ -86,7 +82,26 @@ class Network:
     @property
     def offsets(self) -> NDArray[np.int64]:
         """`(curves + 1,)` where each curve's control points begin in them."""
-        return np.cumsum([0] + [len(curve.control_points) for curve in self.curves])
+        return self.family.offsets
+
+    @cached_property
+    def sides(self) -> NDArray[np.int64]:
+        """`(curves, 2)` the regions right and left of each curve."""
+        return np.array([(c.right, c.left) for c in self.curves])
+
+    @cached_property
+    def sampling(self) -> Sampling:
+        """The samples through which the curves meet meshes, whatever their levels."""
+        return sampling(self.family, self.control_points)
+
+    def at_levels(self, levels: Sequence[int]) -> Network:
+        """The network with the parameter polygons of every curve within 2^-level pixels of it."""
+        pairs = zip(self.curves, levels, strict=True)
+        curves = tuple(c if c.level == level else replace(c, level=level) for c, level in pairs)
+        changed = replace(self, curves=curves)
+        for shared in ("family", "control_points", "sides", "sampling"):
+            changed.__dict__[shared] = getattr(self, shared)
+        return changed
 
 
 def boundary_network(borders: Borders, distances: Sequence[float] | None = None) -> Network:

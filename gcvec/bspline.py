@@ -24,7 +24,7 @@ def _knot(i: int, m: int, closed: bool) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _weights(u, m, closed, out):
+def spline_weights(u, m, closed, out):
     """Cox-de Boor at one parameter; returns the segment, fills the four weights."""
     segment = min(max(int(np.floor(u)), 0), m - 1)
     left = np.empty(4)
@@ -48,7 +48,7 @@ def _basis(u, m, closed):
     index = np.empty((len(u), 4), np.int64)
     weight = np.empty((len(u), 4))
     for j in range(len(u)):
-        segment = _weights(u[j], m, closed, weight[j])
+        segment = spline_weights(u[j], m, closed, weight[j])
         for k in range(4):
             index[j, k] = (segment + k) % n_control
     return index, weight
@@ -230,16 +230,14 @@ def _refine(control, closed):
 
 
 @njit(cache=True, nogil=True)
-def _bezier(control, closed):
-    m = len(control) if closed else len(control) - 3
-    out = np.empty((m, 4, control.shape[1]))
-    for s in range(m):
+def spline_bezier(control, closed, out):
+    """Fill `(m, 4, d)` with the Bézier control points of the m segments."""
+    for s in range(len(out)):
         a, b = float(s), float(s + 1)
         _blossom(control, a, a, a, closed, out[s, 0])
         _blossom(control, a, a, b, closed, out[s, 1])
         _blossom(control, a, b, b, closed, out[s, 2])
         _blossom(control, b, b, b, closed, out[s, 3])
-    return out
 
 
 def refine(control: Floats, closed: bool = False) -> Floats:
@@ -254,12 +252,6 @@ def refine(control: Floats, closed: bool = False) -> Floats:
 
 def bezier(control: Floats, closed: bool = False) -> Floats:
     """Bézier control points `(m, 4, d)` of the m segments, the exact conversion by knot insertion."""
-    return np.asarray(_bezier(np.ascontiguousarray(control, np.float64), closed))
-
-
-def second_derivative_at_knots(control: Floats, closed: bool = False) -> Floats:
-    """C'' at the knots 0..m, `(m + 1, d)`; it is linear between them."""
-    corners = bezier(control, closed)
-    after = 6 * (corners[:, 0] - 2 * corners[:, 1] + corners[:, 2])
-    last = 6 * (corners[-1:, 1] - 2 * corners[-1:, 2] + corners[-1:, 3])
-    return np.concatenate([after, last])
+    out = np.empty((segments_of(control, closed), 4, control.shape[1]))
+    spline_bezier(np.ascontiguousarray(control, np.float64), closed, out)
+    return out

@@ -137,7 +137,7 @@ def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
     ]
     if not touched:
         return None
-    return lay_foundation(without_crossings(raise_levels(network, touched)), foundation.hard)
+    return lay_foundation(without_crossings(raise_levels(network, touched), touched), foundation.hard)
 
 
 def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:

@@ -44,14 +44,21 @@ _CONTEXTS = _COLORS + color_coding.COLOR_CONTEXTS
 
 def encode(image: VectorImage) -> bytes:
     """The file of a vector image."""
-    capacity = 1 << 16
+    return encode_rounded(image)[0]
+
+
+def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
+    """The file of a vector image, and its boundary and point colours as a decoder will see them."""
+    capacity = 1 << (16 + len(image.points) // 40_000)
     while True:
         coder = entropy.writer(capacity, _CONTEXTS)
-        n_text, n_points = _write(coder, image)
+        boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
+        n_text, n_points = _write(coder, image, boundary_colors, point_colors)
         stream = entropy.finish(coder)
         if stream is not None:
             stream = stream.ljust(shortest_stream(image.width, image.height, n_points, n_text), b"\0")
-            return MAGIC + bytes([VERSION]) + struct.pack("<I", zlib.crc32(stream)) + stream
+            data = MAGIC + bytes([VERSION]) + struct.pack("<I", zlib.crc32(stream)) + stream
+            return data, boundary_colors, point_colors
         capacity *= 4
 
 
@@ -70,8 +77,13 @@ def decode(data: bytes) -> VectorImage:
         raise InputError(f"the file is damaged: {problem}", code="broken-gcv") from problem
 
 
-def _write(coder: Coder, image: VectorImage) -> tuple[int, int]:
-    """Write everything; returns how many bytes of labels, and how many curves and control points."""
+def _write(
+    coder: Coder, image: VectorImage, boundary_colors: Floats, point_colors: Floats
+) -> tuple[int, int]:
+    """Write everything; the colours become what a decoder sees.
+
+    Returns how many bytes of labels, and how many curves and control points.
+    """
     network, steps = image.network, image.quantization
     sizes = [network.width, network.height, network.n_nodes, len(network.curves), len(network.loops)]
     entropy.code_sequence(
@@ -87,16 +99,15 @@ def _write(coder: Coder, image: VectorImage) -> tuple[int, int]:
         ]
     )
     code_topology(coder, _CURVES, table)
-    reference = network.control_points
+    reference = network.control_points.copy()
     _code_positions(coder, table, steps, reference)
     if image.control_points is not None:
-        _code_positions(coder, table, steps, image.control_points)
-    colors = image.boundary_colors.copy()
-    _code_boundary(coder, image.foundation, steps, colors)
+        _code_positions(coder, table, steps, image.control_points.copy())
+    _code_boundary(coder, image.foundation, steps, boundary_colors)
     occupied = np.zeros((network.height, network.width), np.uint8)
     occupied[image.points[:, 1], image.points[:, 0]] = 1
     entropy.code_occupancy(coder, _OCCUPANCY, occupied)
-    _code_points(coder, image.canvas, steps, image.points, colors, image.point_colors.copy())
+    _code_points(coder, image.canvas, steps, image.points, boundary_colors, point_colors)
     return len(text), len(table) + len(reference) + len(image.points)
 
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.canonical import Canvas
-from gcvec.drawing import Drawing
 from gcvec.least_squares import NormalEquations
 from gcvec.raster import Coverage
 
@@ -36,8 +35,8 @@ class ColorFit:
         return result
 
 
-def color_fit(canvas: Canvas, drawing: Drawing, coverage: Coverage, truth: Floats) -> ColorFit:
-    """The fit of a canvas to the pixels `truth` `(pixels, 3)`."""
-    operator, corner_color = canvas.operator(drawing)
+def color_fit(canvas: Canvas, coverage: Coverage, truth: Floats) -> ColorFit:
+    """The fit of a canvas, whose drawing covers the pixels so, to the pixels `truth` `(pixels, 3)`."""
+    _, operator, corner_color = canvas.unit
     to_pixels = coverage.matrix(corner_color, operator.shape[0])
     return ColorFit(operator, corner_color, to_pixels, operator.T @ (to_pixels.T @ truth))

@@ -53,7 +53,7 @@ class ColorSpace:
         The colours are those of the control points, of the free vertices, and of every pair of boundary
         vertex and patch in use.
         """
-        left = np.array([c.left for c in network.curves])
+        left = network.sides[:, 1]
         index, vertex, patch = self._corners(drawing)
         curve = drawing.curve[vertex]
         side = np.where(left[curve] == patch, LEFT, RIGHT)

@@ -9,14 +9,13 @@ curve, C_i.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from gcvec.boundary import Curve, Network
+from gcvec.boundary import Network
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,35 +23,42 @@ Ints = NDArray[np.int64]
 FINEST_LEVEL = 8
 
 
-def polygon_vertices(curve: Curve) -> Ints:
-    """Which of a curve's samples are vertices of the polygons.
+def polygon_vertices(network: Network) -> NDArray[np.bool_]:
+    """Which samples of the curves `(n,)` are vertices of the polygons.
 
-    Douglas-Peucker to the tolerance of the curve's level; a closed curve has at least three edges.
+    Douglas-Peucker to the tolerance of each curve's level; a closed curve has at least three edges.
     """
-    return np.flatnonzero(_douglas_peucker(curve.sampling.points, 3 if curve.closed else 1, 0.5**curve.level))
+    sampling = network.sampling
+    tolerance = 0.5 ** np.array([c.level for c in network.curves], np.float64)
+    fewest = np.where(network.family.closed, 3, 1)
+    return np.asarray(_douglas_peucker(sampling.points, sampling.starts, fewest, tolerance))
 
 
-def without_crossings(network: Network) -> Network:
+def without_crossings(network: Network, changed: Iterable[int] | None = None) -> Network:
     """The network with levels raised until no polygon edges cross; curves must not cross themselves or
-    others."""
+    others.
+
+    Where only some curves' polygons have `changed` since none crossed, only those are looked at.
+    """
     while True:
-        bad = [c for c in crossing_curves(network) if network.curves[c].level < FINEST_LEVEL]
+        bad = [c for c in crossing_curves(network, changed) if network.curves[c].level < FINEST_LEVEL]
         if not bad:
             return network
         network = raise_levels(network, bad)
+        changed = None if changed is None else {*changed, *bad}
 
 
 def with_levels(network: Network, level: int) -> Network:
     """The network with all parameter polygons at one level."""
-    return replace(network, curves=tuple(c.at_level(level) for c in network.curves))
+    return network.at_levels([level] * len(network.curves))
 
 
 def raise_levels(network: Network, which: Iterable[int]) -> Network:
     """The network with the polygons twice as close to these curves."""
-    curves = list(network.curves)
+    levels = [c.level for c in network.curves]
     for c in which:
-        curves[c] = curves[c].at_level(min(curves[c].level + 1, FINEST_LEVEL))
-    return replace(network, curves=tuple(curves))
+        levels[c] = min(levels[c] + 1, FINEST_LEVEL)
+    return network.at_levels(levels)
 
 
 @njit(cache=True, nogil=True)
@@ -66,48 +72,55 @@ def _chord_distance(points, a, b, p):
 
 
 @njit(cache=True, nogil=True)
-def _douglas_peucker(points, fewest, tolerance):
-    last = len(points) - 1
-    kept = np.zeros(last + 1, np.bool_)
-    stack = np.empty((last + 1, 2), np.int64)
-    top = 0
-    for i in range(fewest):
-        a, b = (i * last) // fewest, ((i + 1) * last) // fewest
-        kept[a] = kept[b] = True
-        stack[top, 0], stack[top, 1] = a, b
-        top += 1
-    while top > 0:
-        top -= 1
-        a, b = stack[top, 0], stack[top, 1]
-        worst, where = tolerance, -1
-        for p in range(a + 1, b):
-            distance = _chord_distance(points, a, b, p)
-            if distance > worst:
-                worst, where = distance, p
-        if where >= 0:
-            kept[where] = True
-            stack[top, 0], stack[top, 1] = a, where
-            stack[top + 1, 0], stack[top + 1, 1] = where, b
-            top += 2
+def _douglas_peucker(points, starts, fewest, tolerance):
+    kept = np.zeros(len(points), np.bool_)
+    stack = np.empty((len(points) + 3, 2), np.int64)
+    for c in range(len(fewest)):
+        first, length = starts[c], starts[c + 1] - starts[c] - 1
+        for i in range(fewest[c]):
+            stack[i, 0] = first + (i * length) // fewest[c]
+            stack[i, 1] = first + ((i + 1) * length) // fewest[c]
+            kept[stack[i, 0]] = kept[stack[i, 1]] = True
+        top = fewest[c]
+        while top > 0:
+            top -= 1
+            a, b = stack[top, 0], stack[top, 1]
+            worst, where = tolerance[c], -1
+            for p in range(a + 1, b):
+                distance = _chord_distance(points, a, b, p)
+                if distance > worst:
+                    worst, where = distance, p
+            if where >= 0:
+                kept[where] = True
+                stack[top, 0], stack[top, 1] = a, where
+                stack[top + 1, 0], stack[top + 1, 1] = where, b
+                top += 2
     return kept
 
 
-def polygon_edges(curve: Curve) -> Floats:
-    """Parameter polygon edges along a curve, `(e, 2, 2) float64`."""
-    vertices = curve.sampling.points[polygon_vertices(curve)]
-    return np.stack([vertices[:-1], vertices[1:]], axis=1)
+def polygon_edges(network: Network) -> tuple[Floats, Ints]:
+    """Parameter polygon edges of all curves, `(e, 2, 2) float64`, and the curve `(e,)` of each."""
+    sampling = network.sampling
+    vertex = np.flatnonzero(polygon_vertices(network))
+    same = sampling.curve[vertex[:-1]] == sampling.curve[vertex[1:]]
+    a, b = vertex[:-1][same], vertex[1:][same]
+    return np.stack([sampling.points[a], sampling.points[b]], axis=1), sampling.curve[a]
 
 
-def crossing_curves(network: Network) -> Ints:
-    """Curves with a polygon edge that meets another edge anywhere but in a common vertex."""
-    edges = [polygon_edges(c) for c in network.curves]
-    owner = np.repeat(np.arange(len(edges)), [len(e) for e in edges])
-    flat = np.concatenate(edges)
-    degenerate = (flat[:, 0] == flat[:, 1]).all(axis=1)
-    lines = shapely.linestrings(flat)
-    a, b = shapely.STRtree(lines).query(lines, predicate="intersects")
-    a, b = a[a < b], b[a < b]
-    n_shared = (flat[a][:, :, None] == flat[b][:, None, :]).all(axis=-1).sum(axis=(1, 2))
+def crossing_curves(network: Network, among: Iterable[int] | None = None) -> Ints:
+    """Curves with a polygon edge that meets another edge anywhere but in a common vertex.
+
+    Only pairs of edges of which one belongs to the curves `among` are looked at, if these are given.
+    """
+    edges, owner = polygon_edges(network)
+    degenerate = (edges[:, 0] == edges[:, 1]).all(axis=1)
+    lines = shapely.linestrings(edges)
+    asked = np.arange(len(edges)) if among is None else np.flatnonzero(np.isin(owner, list(among)))
+    a, b = shapely.STRtree(lines).query(lines[asked], predicate="intersects")
+    a = asked[a]
+    a, b = a[a != b], b[a != b]
+    n_shared = (edges[a][:, :, None] == edges[b][:, None, :]).all(axis=-1).sum(axis=(1, 2))
     # Two edges with one common end may still overlap: then their intersection is longer than a point.
-    legal = (n_shared == 1) & (shapely.length(shapely.intersection(lines[a], lines[b])) == 0)
+    legal = n_shared == 1
+    legal[legal] = shapely.length(shapely.intersection(lines[a[legal]], lines[b[legal]])) == 0
     return np.unique(np.concatenate([owner[a[~legal]], owner[b[~legal]], owner[degenerate]]))

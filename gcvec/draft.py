@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.canonical import Foundation
-from gcvec.codec import decode, encode
+from gcvec.canonical import Canvas
+from gcvec.codec import encode_rounded
 from gcvec.quantization import Quantization
 from gcvec.vector_image import VectorImage
 
@@ -18,29 +18,36 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Draft:
-    """What a file needs beside curves, points and colours: hard curves `(c,) bool`, labels, and steps."""
+    """What a file needs beside curves, points and colours: the regions' labels, and steps."""
 
-    hard: NDArray[np.bool_]
     labels: tuple[str, ...]
     steps: Quantization
 
-    def file(self, foundation: Foundation, points: Ints, colors: Floats) -> tuple[bytes, VectorImage]:
-        """The file, and the vector image it holds, for points `(n, 2)` and all unknown colours `(b + n,
-        3)`."""
-        n_boundary = foundation.space.size
-        order = np.lexsort((points[:, 0], points[:, 1]))
-        data = encode(
-            VectorImage(
-                foundation.network,
-                self.hard,
-                colors[:n_boundary],
-                points[order],
-                colors[n_boundary:][order],
-                self.labels,
-                self.steps,
-            )
+    def file(self, canvas: Canvas, points: Ints, colors: Floats) -> tuple[bytes, VectorImage]:
+        """The file, and the vector image it holds, for a canvas with control points `(n, 2)`, by rows, and
+        all unknown colours `(b + n, 3)`."""
+        foundation, n_boundary = canvas.foundation, canvas.foundation.space.size
+        image = VectorImage(
+            foundation.network,
+            foundation.hard,
+            colors[:n_boundary],
+            points,
+            colors[n_boundary:],
+            self.labels,
+            self.steps,
         )
-        return data, decode(data)
+        # A decoder lays the same foundation and canvas again.
+        laid = {"foundation": foundation, "canvas": canvas}
+        image.__dict__.update(laid)
+        data, boundary_colors, point_colors = encode_rounded(image)
+        image = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
+        image.__dict__.update(laid)
+        return data, image
+
+
+def by_rows(points: Ints) -> Ints:
+    """The order in which a file keeps control points `(n, 2)`."""
+    return np.lexsort((points[:, 0], points[:, 1]))
 
 
 def measured_mse(image: VectorImage, pixels: NDArray[np.uint8]) -> float:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec import bspline
 from gcvec.boundary import Network
 from gcvec.mesh import Mesh
 from gcvec.samples import BoundarySamples
@@ -70,7 +69,8 @@ def draw(
     while True:
         cut = np.flatnonzero(pieces > 1)
         extra = _extra_parameters(samples, cut, pieces[cut])
-        curve, control, weight = _extra_samples(network, samples, np.repeat(cut, pieces[cut] - 1), extra)
+        curve = np.repeat(samples.segment_curve[cut], pieces[cut] - 1)
+        control, weight = network.family.basis(curve, extra)
         first = len(mesh.vertices) + np.cumsum(pieces[cut] - 1) - (pieces[cut] - 1)
         triangles, patch = _fan(mesh, samples.segments[cut], first, pieces[cut] - 1)
         between = np.einsum("nk,nkd->nd", weight, control_points[control])
@@ -102,39 +102,17 @@ def folded(image: Floats, triangles: Ints) -> Ints:
 
 def _pieces(network: Network, samples: BoundarySamples, control_points: Floats, flatness: float) -> Ints:
     """Into how many pieces each boundary segment is cut: |C''| du^2 / 8 bounds a chord's distance."""
-    pieces = np.ones(len(samples.segments), np.int64)
-    starts = np.searchsorted(samples.segment_curve, np.arange(len(network.curves) + 1))
-    for c, curve in enumerate(network.curves):
-        if curve.on_frame and np.array_equal(
-            control_points[samples.offsets[c] : samples.offsets[c + 1]], curve.control_points
-        ):
-            continue
-        control = control_points[samples.offsets[c] : samples.offsets[c + 1]]
-        bend = np.hypot(*bspline.second_derivative_at_knots(control, curve.closed).T)
-        of_curve = slice(starts[c], starts[c + 1])
-        u = samples.segment_u[of_curve]
-        span = np.minimum(u[:, 0].astype(np.int64), curve.segments - 1)
-        bound = np.maximum(bend[span], bend[span + 1]) * (u[:, 1] - u[:, 0]) ** 2 / 8
-        pieces[of_curve] = np.maximum(np.ceil(np.sqrt(bound / flatness)), 1)
-    return pieces
+    family, curve, u = network.family, samples.segment_curve, samples.segment_u
+    span = np.minimum(u[:, 0].astype(np.int64), family.segments[curve] - 1)
+    bend = family.bend(control_points)[family.first_segment[curve] + span]
+    bound = bend * (u[:, 1] - u[:, 0]) ** 2 / 8
+    return np.maximum(np.ceil(np.sqrt(bound / flatness)), 1).astype(np.int64)
 
 
 def _extra_parameters(samples: BoundarySamples, cut: Ints, pieces: Ints) -> Floats:
     within = np.arange((pieces - 1).sum()) - np.repeat(np.cumsum(pieces - 1) - (pieces - 1), pieces - 1) + 1
     u = np.repeat(samples.segment_u[cut], pieces - 1, axis=0)
     return np.asarray(u[:, 0] + (u[:, 1] - u[:, 0]) * within / np.repeat(pieces, pieces - 1))
-
-
-def _extra_samples(
-    network: Network, samples: BoundarySamples, segment: Ints, u: Floats
-) -> tuple[Ints, Ints, Floats]:
-    curve = samples.segment_curve[segment]
-    control, weight = np.zeros((len(u), 4), np.int64), np.zeros((len(u), 4))
-    for c in np.unique(curve):
-        at = curve == c
-        index, weight[at] = bspline.basis(u[at], network.curves[c].segments, network.curves[c].closed)
-        control[at] = samples.offsets[c] + index
-    return curve, control, weight
 
 
 def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, Ints]:

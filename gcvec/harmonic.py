@@ -15,6 +15,12 @@ from scipy.sparse import linalg
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+FADED = 1e-8
+"""Coordinates smaller than this count as 0."""
+
+BLOCK = 256
+"""Coordinates solved for at once."""
+
 
 def cotangent_laplacian(vertices: Floats, triangles: Ints) -> sparse.csr_array:
     """Stiffness matrix `(v, v)` of linear elements: symmetric, rows sum to 0, exact for linear functions.
@@ -42,13 +48,36 @@ def harmonic_extension(laplacian: sparse.csr_array, free: Ints, fixed: Ints, val
     if not len(free):
         return np.zeros((0, values.shape[1]))
     rows = laplacian[free]
-    factor = linalg.splu(
-        rows[:, free].tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
+    return np.asarray(_factor(rows[:, free]).solve(-(rows[:, fixed] @ values)))
+
+
+def faded_coordinates(
+    laplacian: sparse.csr_array, free: Ints, fixed: Ints, values: sparse.csr_array
+) -> sparse.csr_array:
+    """Harmonic coordinates `(f, k)`, at the vertices `free`, that take `values` `(d, k)` at `fixed`.
+
+    Coordinates are ever smaller the more boundary lies between a vertex and their own: those below `FADED`
+    are dropped, and the others of their vertex scaled to sum up to 1, so that memory does not grow with the
+    product of f and k.
+    """
+    rows = laplacian[free]
+    factor = _factor(rows[:, free])
+    right = -(rows[:, fixed] @ values).tocsc()
+    blocks = []
+    for first in range(0, right.shape[1], BLOCK):
+        block = factor.solve(right[:, first : first + BLOCK].toarray())
+        block[block < FADED] = 0.0
+        blocks.append(sparse.csr_array(block))
+    coordinates = sparse.csr_array(sparse.hstack(blocks, "csr"))
+    total = np.asarray(coordinates.sum(axis=1))
+    coordinates.data /= np.repeat(total, np.diff(coordinates.indptr))
+    return coordinates
+
+
+def _factor(matrix: sparse.csr_array) -> linalg.SuperLU:
+    return linalg.splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
-    return np.asarray(factor.solve(-(rows[:, fixed] @ values)))
 
 
 def harmonic_coordinates(

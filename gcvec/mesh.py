@@ -129,8 +129,7 @@ def build_mesh(
     if free:
         sites = np.concatenate([sites, free_points(sites, network.width, network.height)])
     triangles, neighbours = constrained_delaunay(sites, samples.segments)
-    right = np.array([c.right for c in network.curves])[samples.segment_curve]
-    left = np.array([c.left for c in network.curves])[samples.segment_curve]
+    right, left = network.sides[samples.segment_curve].T
     patch = _patch_of_triangles(triangles, neighbours, samples.segments, left, right, len(sites))
     return Mesh(sites, triangles, patch, len(samples), len(points))
 

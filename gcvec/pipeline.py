@@ -69,7 +69,7 @@ def vectorize(
         boundary_colors = fit_boundary_colors(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
-    draft = Draft(hard, regions.names, steps)
+    draft = Draft(regions.names, steps)
     refine = refine_paper if options.strategy == "paper" else refine_batch
     data, image = refine(
         foundation,

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation, lay_unfolded_canvas
 from gcvec.color_fit import ColorFit, color_fit
-from gcvec.draft import Draft, measured_mse
+from gcvec.draft import Draft, by_rows, measured_mse
 from gcvec.drawing import Drawing
 from gcvec.least_squares import energies, solve, solve_bounded
 from gcvec.raster import Coverage
+from gcvec.seeding import seeds
 from gcvec.selection import best_insertions, choose_points, room, usefulness
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -85,6 +86,7 @@ def refine_batch(
     """
     state = Refinement(foundation, boundary_colors, pixels / 255.0, max_points, on_step, clock)
     aim = AIM * target_mse
+    state.seed(aim)
     more = state.add_until(aim)
     for _ in range(EXCHANGES):
         state.drop_least_useful(DROPPED)
@@ -92,7 +94,7 @@ def refine_batch(
     for _ in range(RETRIES):
         state.settle()
         with clock.stage("encode"):
-            data, image = draft.file(state.foundation, state.points, state.colors)
+            data, image = draft.file(state.canvas, state.points, state.colors)
             mse = measured_mse(image, pixels)
         if mse <= target_mse or not more:
             break
@@ -104,8 +106,9 @@ def refine_batch(
 class Refinement:
     """The refinement loop's state: control points, colours, and the canvas they are on.
 
-    points  (n, 2) int64, pixels of the parameter domain
+    points  (n, 2) int64, pixels of the parameter domain, by rows
     colors  (b + n, 3) float64, all unknowns, boundary first
+    canvas  the mesh with these points
     """
 
     def __init__(
@@ -146,7 +149,7 @@ class Refinement:
             with self._clock.stage("evaluation"):
                 gain, where = best_insertions(self._coverage, self._residual)
                 new = choose_points(
-                    self._canvas,
+                    self.canvas,
                     self._drawing.patch,
                     gain,
                     where,
@@ -157,9 +160,7 @@ class Refinement:
                 )
             if not len(new):
                 return False
-            self.points = np.concatenate([self.points, new])
-            self.colors = np.concatenate([self.colors, self._picture[new[:, 1], new[:, 0]]])
-            self._update(n_new=len(new))
+            self._insert(new)
             helped = np.log(before / self.mse) >= LEAST_RETURN * np.log((n + len(new)) / max(n, 1))
             crowded = len(self.points) > CROWDED * len(self._truth)
             idle_rounds = idle_rounds + 1 if crowded and not helped else 0
@@ -174,7 +175,7 @@ class Refinement:
         """
         owner = self.foundation.geometry.patch_at().ravel()
         n = len(self.foundation.network.loops)
-        count = np.bincount(self._canvas.patch_of_points(), minlength=n)
+        count = np.bincount(self.canvas.patch_of_points(), minlength=n)
         if not self._max_points or count.max() < self._max_points:
             return np.zeros(n, bool)
         square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
@@ -200,26 +201,49 @@ class Refinement:
             self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5, FINAL_SWEEPS)
             self._measure()
 
+    def seed(self, target_mse: float) -> None:
+        """The first control points, for a picture that is to have the error `target_mse`."""
+        with self._clock.stage("evaluation"):
+            new = seeds(
+                self._residual.reshape(self._picture.shape),
+                target_mse,
+                self._blocked,
+                self.foundation.geometry.patch_at(),
+                self._max_points,
+            )
+        if len(new):
+            self._insert(new)
+
+    def _insert(self, new: Ints) -> None:
+        """Add control points `(n, 2)` with the colours of their pixels."""
+        n_boundary = len(self._prior)
+        points = np.concatenate([self.points, new])
+        order = by_rows(points)
+        colors = np.concatenate([self.colors[n_boundary:], self._picture[new[:, 1], new[:, 0]]])
+        self.points = points[order]
+        self.colors = np.concatenate([self.colors[:n_boundary], colors[order]])
+        self._update(order >= len(points) - len(new))
+
     def _keep(self, kept: NDArray[np.bool_]) -> None:
         n_boundary = len(self._prior)
         self.points = self.points[kept]
         self.colors = np.concatenate([self.colors[:n_boundary], self.colors[n_boundary:][kept]])
 
-    def _update(self, n_new: int = 0) -> None:
-        """Canvas, colours and error for the points as they are, of which the last `n_new` are new."""
+    def _update(self, new: NDArray[np.bool_] | None = None) -> None:
+        """Canvas, colours and error for the points as they are, of which some are `new` `(n,)`."""
         with self._clock.stage("mesh_harmonic"):
-            self._canvas, kept = lay_unfolded_canvas(self.foundation, self.points)
-            self.foundation = self._canvas.foundation
+            self.canvas, kept = lay_unfolded_canvas(self.foundation, self.points)
+            self.foundation = self.canvas.foundation
             gone = self.points[~kept]
-            n_old = int(kept[: len(kept) - n_new].sum())
-            grown = frozenset(self._canvas.patch_of_points()[n_old:].tolist())
             self._blocked[gone[:, 1], gone[:, 0]] = True
             self._keep(kept)
+            fresh = slice(0) if new is None else new[kept]
+            grown = frozenset(self.canvas.patch_of_points()[fresh].tolist())
         with self._clock.stage("evaluation"):
-            self._drawing: Drawing = self._canvas.drawing()
-            self._coverage: Coverage = self._canvas.coverage(self._drawing)
+            self._drawing: Drawing = self.canvas.unit[0]
+            self._coverage: Coverage = self.canvas.coverage(self._drawing)
         with self._clock.stage("optimization"):
-            self._fit: ColorFit = color_fit(self._canvas, self._drawing, self._coverage, self._truth)
+            self._fit: ColorFit = color_fit(self.canvas, self._coverage, self._truth)
             equations = self._fit.equations(*self._pull())
             self.colors = np.clip(solve(equations, self.colors, ROUND_ITERATIONS, 1e-4), 0, 1)
             self._measure()

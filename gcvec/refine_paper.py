@@ -15,8 +15,8 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from gcvec import raster
-from gcvec.canonical import Canvas, Foundation
-from gcvec.draft import Draft
+from gcvec.canonical import Canvas, Foundation, lay_canvas
+from gcvec.draft import Draft, by_rows
 from gcvec.drawing import folded
 from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
@@ -51,7 +51,10 @@ def refine_paper(
         foundation, boundary_colors, pixels / 255.0, target_mse, max_points, on_step, clock
     )
     with clock.stage("encode"):
-        return draft.file(foundation, points, colors)
+        order, n_boundary = by_rows(points), len(boundary_colors)
+        points = points[order]
+        colors = np.concatenate([boundary_colors, colors[n_boundary:][order]])
+        return draft.file(lay_canvas(foundation, points), points, colors)
 
 
 def worst_pixels(

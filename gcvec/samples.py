@@ -69,68 +69,54 @@ class BoundarySamples:
 
 def boundary_samples(network: Network) -> BoundarySamples:
     """Sample every curve of a network."""
-    offsets = network.offsets
-    node_control = np.full(network.n_nodes, -1)
-    for c, curve in enumerate(network.curves):
-        if not curve.closed:
-            node_control[curve.start] = offsets[c]
-            node_control[curve.end] = offsets[c + 1] - 1
-    node_at = network.control_points[node_control]
+    sampling, closed, n_nodes = network.sampling, network.family.closed, network.n_nodes
+    start = np.array([c.start for c in network.curves])
+    end = np.array([c.end for c in network.curves])
+    first, last = sampling.starts[:-1], sampling.starts[1:] - 1
 
-    domain, control, weight, owner, parameter = [node_at], [], [], [], []
-    control.append(np.repeat(node_control[:, None], 4, axis=1))
-    weight.append(np.tile([1.0, 0.0, 0.0, 0.0], (network.n_nodes, 1)))
-    owner.append(np.full(network.n_nodes, -1))
-    parameter.append(np.zeros(network.n_nodes))
-    ends, along = [np.repeat(np.arange(network.n_nodes)[:, None], 2, axis=1)], [np.zeros(network.n_nodes)]
-    segments, segment_curve, segment_u = [], [], []
-    edge_ends, edge_curve, edge_u, edge_control, edge_weight = [], [], [], [], []
-    n = network.n_nodes
-    for c, curve in enumerate(network.curves):
-        u, points, w = curve.sampling.u, curve.sampling.points, curve.sampling.weight
-        index = offsets[c] + curve.sampling.control
-        vertex = polygon_vertices(curve)
-        inner = slice(0, -1) if curve.closed else slice(1, -1)
-        n_own = len(u) - 1 if curve.closed else len(u) - 2
-        ids = np.arange(n, n + n_own)
-        walk = np.append(ids, ids[0]) if curve.closed else np.concatenate([[curve.start], ids, [curve.end]])
-        edge = np.clip(np.searchsorted(vertex, np.arange(len(u)), side="right") - 1, 0, len(vertex) - 2)[
-            inner
-        ]
-        t = (u[inner] - u[vertex[edge]]) / (u[vertex[edge + 1]] - u[vertex[edge]])
-        around = np.stack([walk[vertex[edge]], walk[vertex[edge + 1]]], axis=1)
-        domain.append(points[vertex[edge]] + t[:, None] * (points[vertex[edge + 1]] - points[vertex[edge]]))
-        control.append(index[inner])
-        weight.append(w[inner])
-        owner.append(np.full(n_own, c))
-        parameter.append(u[inner])
-        ends.append(np.where((t == 0)[:, None], ids[:, None], around))
-        along.append(t)
-        segments.append(np.stack([walk[:-1], walk[1:]], axis=1))
-        segment_curve.append(np.full(len(u) - 1, c))
-        segment_u.append(np.stack([u[:-1], u[1:]], axis=1))
-        edge_ends.append(np.stack([walk[vertex[:-1]], walk[vertex[1:]]], axis=1))
-        edge_curve.append(np.full(len(vertex) - 1, c))
-        edge_u.append(np.stack([u[vertex[:-1]], u[vertex[1:]]], axis=1))
-        edge_control.append(np.stack([index[vertex[:-1]], index[vertex[1:]]], axis=1))
-        edge_weight.append(np.stack([w[vertex[:-1]], w[vertex[1:]]], axis=1))
-        n += n_own
+    # Every sample by its number: open curves end in nodes, closed ones where they began.
+    own = np.ones(len(sampling.u), bool)
+    own[last] = False
+    own[first[~closed]] = False
+    number = np.empty(len(own), np.int64)
+    number[own] = np.arange(n_nodes, n_nodes + own.sum())
+    number[first[~closed]], number[last[~closed]] = start[~closed], end[~closed]
+    number[last[closed]] = number[first[closed]]
+
+    node_control = np.zeros(n_nodes, np.int64)
+    node_control[start[~closed]] = network.offsets[:-1][~closed]
+    node_control[end[~closed]] = network.offsets[1:][~closed] - 1
+
+    vertex = np.flatnonzero(polygon_vertices(network))
+    at = np.flatnonzero(own)
+    edge = np.searchsorted(vertex, at, side="right") - 1
+    a, b = vertex[edge], vertex[edge + 1]
+    along = (sampling.u[at] - sampling.u[a]) / (sampling.u[b] - sampling.u[a])
+    domain = sampling.points[a] + along[:, None] * (sampling.points[b] - sampling.points[a])
+    is_vertex = (along == 0)[:, None]
+    ends = np.where(is_vertex, number[at][:, None], np.stack([number[a], number[b]], axis=1))
+    nodes = np.arange(n_nodes)
+
+    step = np.flatnonzero(sampling.curve[:-1] == sampling.curve[1:])
+    steps = np.stack([step, step + 1], axis=1)
+    same = sampling.curve[vertex[:-1]] == sampling.curve[vertex[1:]]
+    edges = np.stack([vertex[:-1][same], vertex[1:][same]], axis=1)
     return BoundarySamples(
-        network.n_nodes,
-        np.concatenate(domain),
-        np.concatenate(control),
-        np.concatenate(weight),
-        np.concatenate(owner),
-        np.concatenate(parameter),
-        np.concatenate(ends),
-        np.concatenate(along),
-        np.concatenate(segments),
-        np.concatenate(segment_curve),
-        np.concatenate(segment_u),
-        np.concatenate(edge_ends),
-        np.concatenate(edge_curve),
-        np.concatenate(edge_u),
-        np.concatenate(edge_control),
-        np.concatenate(edge_weight),
-        offsets,
+        n_nodes=n_nodes,
+        domain=np.concatenate([network.control_points[node_control], domain]),
+        control=np.concatenate([np.repeat(node_control[:, None], 4, axis=1), sampling.control[at]]),
+        weight=np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (n_nodes, 1)), sampling.weight[at]]),
+        curve=np.concatenate([np.full(n_nodes, -1), sampling.curve[at]]),
+        u=np.concatenate([np.zeros(n_nodes), sampling.u[at]]),
+        ends=np.concatenate([np.stack([nodes, nodes], axis=1), ends]),
+        along=np.concatenate([np.zeros(n_nodes), along]),
+        segments=number[steps],
+        segment_curve=sampling.curve[step],
+        segment_u=sampling.u[steps],
+        edge_ends=number[edges],
+        edge_curve=sampling.curve[edges[:, 0]],
+        edge_u=sampling.u[edges],
+        edge_control=sampling.control[edges],
+        edge_weight=sampling.weight[edges],
+        offsets=network.offsets,
     )

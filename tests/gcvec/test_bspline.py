@@ -68,17 +68,6 @@ def test_bezier_pieces_trace_the_curve(m: int, closed: bool, seed: int, d: int) 
         np.testing.assert_allclose(bernstein @ piece, bspline.evaluate(control, s + t, closed), atol=1e-12)
 
 
-@settings(deadline=None)
-@curves
-def test_second_derivative_equals_scipy(m: int, closed: bool, seed: int, d: int) -> None:
-    control, _ = random_curve(m, closed, seed, d)
-    m = bspline.segments_of(control, closed)
-    # C'' is continuous at inner knots; at the last one scipy takes the limit from the left.
-    expected = scipy_spline(control, closed).derivative(2)(np.arange(m + 1.0))
-    ours = bspline.second_derivative_at_knots(control, closed)
-    np.testing.assert_allclose(ours, expected, atol=1e-10)
-
-
 def test_closed_curve_is_twice_continuously_differentiable_at_the_seam() -> None:
     control = np.random.default_rng(5).normal(size=(7, 2))
     pieces = bspline.bezier(control, closed=True)

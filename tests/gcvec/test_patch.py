@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from gcvec import bspline
 from gcvec.boundary import straight_line
 from gcvec.canonical import Foundation, lay_foundation
+from gcvec.coons import coons
 from gcvec.harmonic import cotangent_laplacian
 from gcvec.mesh import Mesh, build_mesh
-from gcvec.patch import blend, coons
+from gcvec.patch import blend
 from gcvec.planar_graph import OUTSIDE
 from tests.gcvec.scenes import SCENES, foundation_of, no_points, some_points
 
@@ -20,12 +22,8 @@ from tests.gcvec.scenes import SCENES, foundation_of, no_points, some_points
 def operator(foundation: Foundation, coordinates: np.ndarray, columns: np.ndarray, patch: int) -> np.ndarray:
     """`coons` as a dense matrix from the control points of all curves to the rows of `coordinates`."""
     network, samples = foundation.network, foundation.samples
-    sides = np.array([(c.left, c.right) for c in network.curves])[samples.edge_curve]
-    edges = np.flatnonzero((sides == patch).any(axis=1))
-    matrix = np.zeros((len(coordinates), samples.offsets[-1]))
-    vertex, control, weight = coons(coordinates, columns, edges, network, samples)
-    np.add.at(matrix, (vertex, control), weight)
-    return matrix
+    edges = np.flatnonzero((network.sides[samples.edge_curve] == patch).any(axis=1))
+    return coons(sparse.csr_array(coordinates), columns, edges, network.family, samples).toarray()
 
 
 def curved(foundation: Foundation, seed: int, d: int = 2) -> np.ndarray:

@@ -1,0 +1,86 @@
+"""The first interior control points, placed at once where the picture bends.
+
+A linear interpolant on triangles of area A misses a function with second derivatives H by about |H| A, so an
+even error asks for a density of control points in proportion to |H|^(2/3) (Nadler 1986). Error diffusion
+turns the density into points (Floyd and Steinberg 1976; for meshes Yang, Wernick and Brankov 2003). Rounds of
+refinement that would find most of these points one after another are saved.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+POINTS_PER_BEND = 0.05
+"""Points a pixel for |H| = 1, in units of the root of the wanted mean squared error per pixel squared: about
+an eighth of the points that the picture will need, so that few of them turn out to be of little use."""
+
+LEAST_BEND = 0.4
+"""Where |H| is less than this, in the same units, no point is needed for a long way."""
+
+MOST_POINTS = 0.2
+"""Points a pixel, at most."""
+
+
+def seeds(
+    residual: Floats, target_mse: float, blocked: NDArray[np.bool_], patch_at: Ints, max_points: int
+) -> Ints:
+    """First control points `(n, 2)`, by rows, for what the patches without any miss, `(h, w, 3)` in [0, 1].
+
+    `target_mse` is on the 0-255 scale; pixels that are `blocked` `(h, w)` get no point. `patch_at` `(h, w)`
+    is each pixel's patch, which gets about half of its `max_points` at most; 0 lifts the bound.
+    """
+    bend = np.sqrt(np.mean([_second_derivatives(residual[..., k]) for k in range(3)], axis=0))
+    bend *= 255 / np.sqrt(target_mse)
+    density = POINTS_PER_BEND * np.maximum(bend ** (2 / 3) - LEAST_BEND ** (2 / 3), 0)
+    density = np.minimum(ndimage.gaussian_filter(density, 1.0), MOST_POINTS)
+    if max_points:
+        expected = np.bincount(patch_at.ravel(), density.ravel())
+        density *= np.minimum(1, max_points / 2 / np.maximum(expected, 1e-9))[patch_at]
+    ys, xs = np.nonzero(_diffused(density, blocked))
+    points = np.stack([xs, ys], axis=1).astype(np.int64)
+    return points[_rank_in_group(patch_at[ys, xs]) < max_points] if max_points else points
+
+
+def _rank_in_group(group: Ints) -> Ints:
+    """How many equal numbers come before each of `group` `(n,)`."""
+    order = np.argsort(group, kind="stable")
+    rank = np.empty(len(group), np.int64)
+    rank[order] = np.arange(len(group)) - np.searchsorted(group[order], group[order])
+    return rank
+
+
+def _second_derivatives(channel: Floats) -> Floats:
+    """Squared Frobenius norm of the Hessian of a slightly smoothed picture `(h, w)`."""
+    xx, xy, yy = (ndimage.gaussian_filter(channel, 1.0, order=order) for order in ((0, 2), (1, 1), (2, 0)))
+    return np.asarray(xx**2 + 2 * xy**2 + yy**2)
+
+
+@njit(cache=True, nogil=True)
+def _diffused(density, blocked):
+    """Points `(h, w)` of a density below 1: Floyd-Steinberg error diffusion on a serpentine path.
+
+    What falls on blocked pixels is handed on to those around.
+    """
+    height, width = density.shape
+    points = np.zeros((height, width), np.bool_)
+    row, below = np.zeros(width + 2), np.zeros(width + 2)
+    for y in range(height):
+        step = 1 if y % 2 == 0 else -1
+        for i in range(width):
+            x = i if step == 1 else width - 1 - i
+            wanted = density[y, x] + row[x + 1]
+            points[y, x] = wanted >= 0.5 and not blocked[y, x]
+            error = wanted - 1.0 if points[y, x] else wanted
+            row[x + 1 + step] += error * 7 / 16
+            below[x + 1 - step] += error * 3 / 16
+            below[x + 1] += error * 5 / 16
+            below[x + 1 + step] += error * 1 / 16
+        row, below = below, row
+        below[:] = 0.0
+    return points
