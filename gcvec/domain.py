@@ -120,7 +120,10 @@ def crossing_curves(network: Network, among: Iterable[int] | None = None) -> Int
     a = asked[a]
     a, b = a[a != b], b[a != b]
     n_shared = (edges[a][:, :, None] == edges[b][:, None, :]).all(axis=-1).sum(axis=(1, 2))
-    # Two edges with one common end may still overlap: then their intersection is longer than a point.
-    legal = n_shared == 1
-    legal[legal] = shapely.length(shapely.intersection(lines[a[legal]], lines[b[legal]])) == 0
+    # Two edges with one common end may still overlap: then they run the same way from there.
+    one, other = (edges[k, 1] - edges[k, 0] for k in (a, b))
+    parallel = one[:, 0] * other[:, 1] == one[:, 1] * other[:, 0]
+    tail_to_tail = (edges[a, 0] == edges[b, 0]).all(axis=1) | (edges[a, 1] == edges[b, 1]).all(axis=1)
+    same_way = ((one * other).sum(axis=1) > 0) == tail_to_tail
+    legal = (n_shared == 1) & ~(parallel & same_way)
     return np.unique(np.concatenate([owner[a[~legal]], owner[b[~legal]], owner[degenerate]]))

@@ -70,17 +70,11 @@ def vectorize(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
     draft = Draft(regions.names, steps)
-    refine = refine_paper if options.strategy == "paper" else refine_batch
-    data, image = refine(
-        foundation,
-        boundary_colors,
-        pixels,
-        draft,
-        options.target_mse,
-        options.max_points,
-        tell.iteration,
-        clock,
-    )
+    job = (foundation, boundary_colors, pixels, draft, options.target_mse, options.max_points)
+    if options.strategy == "paper":
+        data, image = refine_paper(*job, tell.iteration, clock)
+    else:
+        data, image = refine_batch(*job, options.effort, tell.iteration, clock)
     with clock.stage("evaluation"):
         report = compare(pixels, image, len(data))
     seconds = {**clock.seconds, "total": time.perf_counter() - start}

@@ -17,6 +17,7 @@ from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import Draft, by_rows, measured_mse
 from gcvec.drawing import Drawing
 from gcvec.least_squares import energies, solve, solve_bounded
+from gcvec.quantization import Quantization
 from gcvec.raster import Coverage
 from gcvec.seeding import seeds
 from gcvec.selection import best_insertions, choose_points, room, usefulness
@@ -32,9 +33,12 @@ POINT_WEIGHT = 0.1
 BOUNDARY_WEIGHT = 0.05
 """Pull of a boundary colour towards its first estimate (section 4.3)."""
 
-GROWTH = 0.4
 FIRST_POINTS = 1 / 1500
-"""A round adds this share of the points there are, and this many a pixel on top."""
+"""A round that grows adds a share of the points there are, and this many a pixel on top."""
+
+RISE = 2.5
+FALL = 1.2
+"""How far the error really moves for what `usefulness` and `best_insertions` say of each point alone."""
 
 CROWDED = 1 / 8
 LEAST_RETURN = 0.1
@@ -42,16 +46,21 @@ IDLE_ROUNDS = 2
 """With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
 the number of points are the last."""
 
-AIM = 0.9
-"""Share of the target at which refinement first stops: rounding to the file's steps takes the rest."""
+LOSS = 1.15
+"""Rounding colours as a file does costs this much more than rounding to nearest: see its dead zone."""
 
-EXCHANGES = 2
-DROPPED = 0.15
-"""How often this share of the control points, the least useful, is taken out and placed anew."""
+LANDING = 0.3
+"""After the exchanges no more than this share of the points is taken out to land on the target."""
+
+LEAST_AIM = 0.5
+"""The aim is at least this share of the target."""
+
+NEAR = 1.2
+"""Growth ends within this factor of the aim: exchanges do the rest."""
 
 RETRIES = 4
 
-ROUND_ITERATIONS = 8
+ROUND_ITERATIONS = 6
 FINAL_ITERATIONS = 16
 FINAL_SWEEPS = 4
 """Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
@@ -77,20 +86,25 @@ def refine_batch(
     draft: Draft,
     target_mse: float,
     max_points: int,
+    effort: int,
     on_step: Callable[[Step], None],
     clock: StageClock,
 ) -> tuple[bytes, VectorImage]:
     """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
 
     `pixels` is the photo `(h, w, 3)`. `max_points` bounds the points of one region, 0 lifts the bound.
+    `effort`, 1 to 9, trades time for fewer points.
     """
-    state = Refinement(foundation, boundary_colors, pixels / 255.0, max_points, on_step, clock)
-    aim = AIM * target_mse
-    state.seed(aim)
-    more = state.add_until(aim)
-    for _ in range(EXCHANGES):
-        state.drop_least_useful(DROPPED)
-        more = state.add_until(aim)
+    plan = PLANS[effort]
+    state = Refinement(
+        foundation, boundary_colors, pixels / 255.0, target_mse, draft.steps, max_points, on_step, clock
+    )
+    state.seed()
+    more = state.grow_until(NEAR, plan.growth, plan.turnover)
+    for share in plan.exchanges:
+        state.turn_over(share, plan.growth)
+    if state.mse < state.aim:
+        state.turn_over(LANDING, 0.0)
     for _ in range(RETRIES):
         state.settle()
         with clock.stage("encode"):
@@ -98,9 +112,36 @@ def refine_batch(
             mse = measured_mse(image, pixels)
         if mse <= target_mse or not more:
             break
-        aim *= 0.98 * target_mse / mse
-        more = state.add_until(aim)
+        state.learn(mse)
+        more = state.grow_until(1.0, plan.growth, 0.0)
     return data, image
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What an effort means.
+
+    growth     share of the points there are that a round may add
+    turnover   share of them, the least useful, that it takes out at the same time
+    exchanges  shares of them that further rounds take out, and place anew as far as the target asks for it
+    """
+
+    growth: float
+    turnover: float
+    exchanges: tuple[float, ...]
+
+
+PLANS = {
+    1: Plan(2.0, 0.0, ()),
+    2: Plan(1.0, 0.0, (0.1,)),
+    3: Plan(0.8, 0.1, (0.1,)),
+    4: Plan(0.6, 0.1, (0.15, 0.1)),
+    5: Plan(0.5, 0.1, (0.2, 0.15, 0.1)),
+    6: Plan(0.45, 0.1, (0.2, 0.2, 0.15, 0.1)),
+    7: Plan(0.4, 0.1, (0.25, 0.2, 0.2, 0.15, 0.1)),
+    8: Plan(0.4, 0.1, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1)),
+    9: Plan(0.3, 0.1, (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.05)),
+}
 
 
 class Refinement:
@@ -116,18 +157,23 @@ class Refinement:
         foundation: Foundation,
         boundary_colors: Floats,
         picture: Floats,
+        target_mse: float,
+        steps: Quantization,
         max_points: int,
         on_step: Callable[[Step], None],
         clock: StageClock,
     ) -> None:
-        """`picture` is `(h, w, 3)` in [0, 1]; `max_points` bounds the points of one region, 0 lifts the
-        bound."""
+        """`picture` is `(h, w, 3)` in [0, 1], `target_mse` (0-255 scale) the error wanted of its file with
+        these steps; `max_points` bounds the points of one region, 0 lifts the bound."""
         self.foundation = foundation
         self.points: Ints = np.zeros((0, 2), np.int64)
         self.colors = boundary_colors
         self._prior = boundary_colors
         self._picture = picture
         self._truth = picture.reshape(-1, 3)
+        self._target_mse = target_mse
+        self._loss = LOSS * 65025 / 12 / len(self._truth) * steps.point**2
+        self._margin = 1.0
         self._max_points = max_points
         self._on_step = on_step
         self._clock = clock
@@ -135,40 +181,97 @@ class Refinement:
         self._iteration = 0
         self._update()
 
-    def add_until(self, target_mse: float) -> bool:
-        """Add control points until the picture's error is `target_mse`.
+    @property
+    def aim(self) -> float:
+        """The error to aim at before colours are rounded: to the file's steps, then to 8 bits.
 
-        False when no more find a place, or when they have all but stopped to help.
+        Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
+        picture as the colour has energy there.
+        """
+        loss = 1 / 12 + self._loss * float(self._energy.sum())
+        return self._margin * max(self._target_mse - loss, LEAST_AIM * self._target_mse)
+
+    def learn(self, mse: float) -> None:
+        """Aim lower: a file of the picture as it is has the error `mse`."""
+        self._margin *= 0.99 * self.mse / self.aim * self._target_mse / mse
+
+    def grow_until(self, nearness: float, growth: float, turnover: float) -> bool:
+        """Rounds of `turn_over` until the picture's error is within a factor of the aim.
+
+        False when no more points find a place, or when they have all but stopped to help.
         """
         idle_rounds = 0
-        while self.mse > target_mse:
+        while self.mse > nearness * self.aim:
             n, before = len(self.points), self.mse
-            wanted = min(
-                GROWTH * n + FIRST_POINTS * len(self._truth) + 1, (self.mse / target_mse - 1) * n + 64
-            )
-            with self._clock.stage("evaluation"):
-                gain, where = best_insertions(self._coverage, self._residual)
-                new = choose_points(
-                    self.canvas,
-                    self._drawing.patch,
-                    gain,
-                    where,
-                    self._blocked,
-                    int(wanted),
-                    self._max_points,
-                    self._finished(target_mse),
-                )
-            if not len(new):
+            self.turn_over(turnover, growth)
+            if len(self.points) <= n:
                 return False
-            self._insert(new)
-            helped = np.log(before / self.mse) >= LEAST_RETURN * np.log((n + len(new)) / max(n, 1))
+            helped = np.log(before / self.mse) >= LEAST_RETURN * np.log(len(self.points) / max(n, 1))
             crowded = len(self.points) > CROWDED * len(self._truth)
             idle_rounds = idle_rounds + 1 if crowded and not helped else 0
             if idle_rounds == IDLE_ROUNDS:
                 return False
         return True
 
-    def _finished(self, target_mse: float) -> NDArray[np.bool_]:
+    def turn_over(self, share: float, growth: float) -> None:
+        """One round: take out the least useful `share` of the control points, and place as many new ones as
+        the aim seems to ask for, at most `growth` times the number there is.
+
+        Where the error is below the aim already, only so many are taken out as that allows.
+        """
+        n, aim = len(self.points), self.aim
+        with self._clock.stage("evaluation"):
+            finished = self._finished()
+            kept, rise = self._without_least_useful(int(share * n), finished)
+            gain, where = best_insertions(self._coverage, self._residual)
+            missing = self.mse + rise - aim
+            fall = FALL * self._to_mse(np.cumsum(np.sort(gain)[::-1]))
+            wanted = int(np.searchsorted(fall, missing)) + 1 if missing > 0.01 * aim else 0
+            new = choose_points(
+                self.canvas,
+                self._drawing.patch,
+                gain,
+                where,
+                self._blocked,
+                min(wanted, int(growth * n + FIRST_POINTS * len(self._truth)) + 1),
+                self._max_points,
+                finished,
+                kept,
+            )
+        self._keep(kept)
+        self._insert(new)
+
+    def _without_least_useful(
+        self, most: int, finished: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], float]:
+        """Which control points `(n,)` stay when up to `most` go, and by how much the error rises.
+
+        Regions that are `finished` would get no others, so they keep theirs.
+        """
+        kept = np.ones(len(self.points), bool)
+        if not most:
+            return kept, 0.0
+        use = usefulness(
+            self._drawing.image,
+            self._drawing.triangles,
+            self._fit.operator @ self.colors,
+            self._fit.corner_color,
+            self._energy[: len(self.points)],
+        )
+        use[finished[self.canvas.patch_of_points()]] = np.inf
+        order = np.argsort(use)[:most]
+        rise = RISE * self._to_mse(np.cumsum(use[order]))
+        if self.mse + rise[-1] < self.aim:
+            order = order[: np.searchsorted(rise, self.aim - self.mse)]
+        order = order[np.isfinite(use[order])]
+        kept[order] = False
+        return kept, float(rise[len(order) - 1]) if len(order) else 0.0
+
+    def _to_mse(self, square: Floats) -> Floats:
+        """Mean squared error of the picture (0-255 scale) for sums of squared errors."""
+        return np.asarray(square * 65025 / self._truth.size)
+
+    def _finished(self) -> NDArray[np.bool_]:
         """Regions that want no more points: once some have reached their bound, those within the target.
 
         What the others lack cannot be made up for there, however many points are spent.
@@ -179,20 +282,7 @@ class Refinement:
         if not self._max_points or count.max() < self._max_points:
             return np.zeros(n, bool)
         square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
-        return np.asarray(square <= target_mse * np.bincount(owner, minlength=n))
-
-    def drop_least_useful(self, share: float) -> None:
-        """Take out the given share of the control points: those whose loss costs least."""
-        with self._clock.stage("evaluation"):
-            values = self._fit.operator @ self.colors
-            energy = energies(self._fit.to_pixels)[: len(self.points)]
-            use = usefulness(
-                self._drawing.image, self._drawing.triangles, values, self._fit.corner_color, energy
-            )
-            kept = np.ones(len(self.points), bool)
-            kept[np.argsort(use)[: int(share * len(use))]] = False
-            self._keep(kept)
-        self._update()
+        return np.asarray(square <= self.aim * np.bincount(owner, minlength=n))
 
     def settle(self) -> None:
         """The last fit: to convergence, and with every colour in [0, 1]."""
@@ -201,12 +291,12 @@ class Refinement:
             self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5, FINAL_SWEEPS)
             self._measure()
 
-    def seed(self, target_mse: float) -> None:
-        """The first control points, for a picture that is to have the error `target_mse`."""
+    def seed(self) -> None:
+        """Place the first control points."""
         with self._clock.stage("evaluation"):
             new = seeds(
                 self._residual.reshape(self._picture.shape),
-                target_mse,
+                self.aim,
                 self._blocked,
                 self.foundation.geometry.patch_at(),
                 self._max_points,
@@ -244,6 +334,7 @@ class Refinement:
             self._coverage: Coverage = self.canvas.coverage(self._drawing)
         with self._clock.stage("optimization"):
             self._fit: ColorFit = color_fit(self.canvas, self._coverage, self._truth)
+            self._energy: Floats = energies(self._fit.to_pixels)
             equations = self._fit.equations(*self._pull())
             self.colors = np.clip(solve(equations, self.colors, ROUND_ITERATIONS, 1e-4), 0, 1)
             self._measure()

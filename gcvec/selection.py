@@ -94,11 +94,13 @@ def choose_points(
     wanted: int,
     max_points: int,
     finished: NDArray[np.bool_],
+    kept: NDArray[np.bool_],
 ) -> Ints:
     """At most `wanted` new control points, most useful first, no two within two pixels of each other.
 
     `patch`, `gain` and `where` belong to the drawn triangles. `max_points` bounds the points of a region, 0
-    lifts the bound; regions that are `finished` get none.
+    lifts the bound; regions that are `finished` get none. Control points that are not `kept` `(n,)` are about
+    to be taken out, and not to be put back.
     """
     order = np.argsort(-gain)
     order = order[(where[order] >= 0) & (gain[order] > 0)]
@@ -111,7 +113,8 @@ def choose_points(
     patch_at = geometry.patch_at()
     fits = patch_at[in_domain[:, 1], in_domain[:, 0]] == patch[order]
     taken = canvas.mesh.vertices[canvas.mesh.n_samples : canvas.mesh.first_free].astype(np.int64)
-    count = np.bincount(canvas.patch_of_points(), minlength=len(canvas.foundation.network.loops))
+    n_patches = len(canvas.foundation.network.loops)
+    count = np.bincount(canvas.patch_of_points()[kept], minlength=n_patches)
     limit = max_points or width * height
     count[finished] = limit
     return np.asarray(_pick(in_domain[fits], patch[order][fits], blocked, taken, count, limit, wanted))

@@ -17,3 +17,6 @@ TargetMse = Annotated[
     float, Option(help="Mean squared error of the picture (0-255 scale) at which refinement stops.")
 ]
 MaxPoints = Annotated[int, Option(help="Most interior control points of one region; 0: no limit.")]
+Effort = Annotated[
+    int, Option(metavar="1..9", help="Time to spend on fewer control points; batch strategy only.")
+]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from gcvec.cli._files import about, load_picture, require_folder, warn, write
-from gcvec.cli._options import MaxPoints, Regions, Snap, Strategy, TargetMse
+from gcvec.cli._options import Effort, MaxPoints, Regions, Snap, Strategy, TargetMse
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 
@@ -43,6 +43,7 @@ def vectorize(
     ] = None,
     regions: Regions = Options.regions,
     snap: Snap = Options.snap,
+    effort: Effort = Options.effort,
     strategy: Strategy = Options.strategy,
     target_mse: TargetMse = Options.target_mse,
     max_points: MaxPoints = Options.max_points,
@@ -62,6 +63,7 @@ def vectorize(
         workers=workers,
         regions=regions,
         snap=snap,
+        effort=effort,
     )
     require_folder(output, report, preview)
     picture = load_picture(image)

@@ -9,7 +9,7 @@ from typing import Annotated
 from httpx import HTTPError
 from typer import Argument, Option
 
-from gcvec.cli._options import MaxPoints, Regions, Snap, Strategy, TargetMse
+from gcvec.cli._options import Effort, MaxPoints, Regions, Snap, Strategy, TargetMse
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 from service.client import Client, problem_error
@@ -35,6 +35,7 @@ def submit(
     ] = None,
     regions: Regions = Options.regions,
     snap: Snap = Options.snap,
+    effort: Effort = Options.effort,
     strategy: Strategy = Options.strategy,
     target_mse: TargetMse = Options.target_mse,
     max_points: MaxPoints = Options.max_points,
@@ -45,6 +46,7 @@ def submit(
         "image_name": image_name,
         "regions": regions,
         "snap": snap,
+        "effort": effort,
         "strategy": strategy,
         "target_mse": target_mse,
         "max_points": max_points,

@@ -38,6 +38,7 @@ class JobOptions(BaseModel):
     snap: float = Field(
         Options.snap, description="pixels that annotated borders may move onto edges; 0: kept as drawn"
     )
+    effort: int = Field(Options.effort, description="1 to 9: time to spend on fewer control points")
     image_name: Name | None = Field(
         None, description="the picture's name in an annotation file of several; default: its file name"
     )

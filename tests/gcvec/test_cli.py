@@ -189,6 +189,8 @@ def test_image_name(folder: Path, tmp_path: Path) -> None:
         ("--target-mse", "low"),
         ("--max-points", "-1"),
         ("--snap", "-1"),
+        ("--effort", "0"),
+        ("--effort", "10"),
         ("--colour",),
         ("--report", "nowhere/r.json"),
     ],
