@@ -7,7 +7,7 @@ all start here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -119,7 +119,7 @@ def lay_unfolded_foundation(network: Network, hard: NDArray[np.bool_]) -> Founda
 
 
 def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
-    """The foundation with parameter polygons twice as close to the curves that pass through these mesh
+    """The foundation with parameter polygons four times as close to the curves that pass through these mesh
     vertices.
 
     None where there are no such curves, or all of them are followed as closely as can be.
@@ -137,7 +137,12 @@ def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
     ]
     if not touched:
         return None
-    return lay_foundation(without_crossings(raise_levels(network, touched), touched), foundation.hard)
+    finer = without_crossings(raise_levels(network, touched), touched)
+    samples, control_points = boundary_samples(finer), finer.control_points
+    # Levels are no matter of colours: their numbering stays.
+    return replace(
+        foundation, network=finer, samples=samples, geometry=geometry(finer, samples, control_points)
+    )
 
 
 def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:

@@ -49,7 +49,7 @@ def encode(image: VectorImage) -> bytes:
 
 def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
     """The file of a vector image, and its boundary and point colours as a decoder will see them."""
-    capacity = 1 << (16 + len(image.points) // 40_000)
+    capacity = (1 << 16) + 4 * len(image.points)
     while True:
         coder = entropy.writer(capacity, _CONTEXTS)
         boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()

@@ -54,10 +54,10 @@ def with_levels(network: Network, level: int) -> Network:
 
 
 def raise_levels(network: Network, which: Iterable[int]) -> Network:
-    """The network with the polygons twice as close to these curves."""
+    """The network with the polygons four times as close to these curves."""
     levels = [c.level for c in network.curves]
     for c in which:
-        levels[c] = min(levels[c] + 1, FINEST_LEVEL)
+        levels[c] = min(levels[c] + 2, FINEST_LEVEL)
     return network.at_levels(levels)
 
 

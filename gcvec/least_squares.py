@@ -88,21 +88,26 @@ def solve(
     moving = 1.0 if fixed is None else (~fixed).astype(np.float64)
     x = start.copy()
     residual = moving * (equations.right - equations.apply(x))
-    enough = tolerance**2 * (scale * equations.right**2).sum(axis=0)
+    enough = tolerance**2 * _sums(scale * equations.right, equations.right)
     preconditioned = scale * residual
-    energy = (residual * preconditioned).sum(axis=0)
+    energy = _sums(residual, preconditioned)
     direction = preconditioned
     for _ in range(iterations):
         if (energy <= enough).all():
             break
         image = moving * equations.apply(direction)
-        step = energy / np.maximum((direction * image).sum(axis=0), 1e-300)
+        step = energy / np.maximum(_sums(direction, image), 1e-300)
         x += step * direction
         residual -= step * image
         preconditioned = scale * residual
-        before, energy = energy, (residual * preconditioned).sum(axis=0)
+        before, energy = energy, _sums(residual, preconditioned)
         direction = preconditioned + energy / np.maximum(before, 1e-300) * direction
     return x
+
+
+def _sums(a: Floats, b: Floats) -> Floats:
+    """Scalar products of the columns of `a` and `b`, `(n, 3)` each."""
+    return np.asarray(np.einsum("nk,nk->k", a, b))
 
 
 def solve_bounded(

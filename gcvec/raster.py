@@ -58,8 +58,9 @@ def _area_centroid(p, n):
 
 
 @njit(cache=True, nogil=True)
-def _cover_triangle(corners, width, height, pixel, weights, count, scratch):
-    """Append this triangle's `(pixel, weight of each corner)` entries; returns the new count.
+def _cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch):
+    """Append this triangle's `(pixel, weight of each corner)` entries in the rows from `top` to `bottom`;
+    returns the new count.
 
     The weights of one entry add up to the area of the triangle inside the pixel.
     """
@@ -72,8 +73,8 @@ def _cover_triangle(corners, width, height, pixel, weights, count, scratch):
     gx1, gy1 = (y2 - y0) / twice_area, -(x2 - x0) / twice_area
     gx2, gy2 = -(y1 - y0) / twice_area, (x1 - x0) / twice_area
     row, strip, half, cell = scratch[0], scratch[1], scratch[2], scratch[3]
-    first_row = max(int(np.floor(min(y0, y1, y2))), 0)
-    last_row = min(int(np.ceil(max(y0, y1, y2))), height)
+    first_row = max(int(np.floor(min(y0, y1, y2))), top)
+    last_row = min(int(np.ceil(max(y0, y1, y2))), bottom)
     for y in range(first_row, last_row):
         n = _clip_axis(corners, 3, row, 1, float(y), False)
         n = _clip_axis(row, n, strip, 1, float(y + 1), True)
@@ -113,10 +114,10 @@ def _cover_triangle(corners, width, height, pixel, weights, count, scratch):
 
 
 @njit(cache=True, nogil=True)
-def _cells(corners, width, height):
-    """Upper bound of the number of pixels a triangle touches."""
+def _cells(corners, width, top, bottom):
+    """Upper bound of the number of pixels a triangle touches in the rows from `top` to `bottom`."""
     nx = min(np.ceil(corners[:, 0].max()), width) - max(np.floor(corners[:, 0].min()), 0.0)
-    ny = min(np.ceil(corners[:, 1].max()), height) - max(np.floor(corners[:, 1].min()), 0.0)
+    ny = min(np.ceil(corners[:, 1].max()), bottom) - max(np.floor(corners[:, 1].min()), top)
     return int(max(nx, 0.0) * max(ny, 0.0))
 
 
@@ -133,7 +134,7 @@ def _coverage(vertices, triangles, width, height, first, last):
     for t in range(first, last):
         for k in range(3):
             corners[k] = vertices[triangles[t, k]]
-        need = count + _cells(corners, width, height)
+        need = count + _cells(corners, width, 0, height)
         if need > capacity:
             capacity = max(2 * capacity, need)
             more_pixel = np.empty(capacity, np.int32)
@@ -141,15 +142,15 @@ def _coverage(vertices, triangles, width, height, first, last):
             more_pixel[:count] = pixel[:count]
             more_weights[:count] = weights[:count]
             pixel, weights = more_pixel, more_weights
-        count = _cover_triangle(corners, width, height, pixel, weights, count, scratch)
+        count = _cover_triangle(corners, width, 0, height, pixel, weights, count, scratch)
         start[t - first + 1] = count
     return start, pixel[:count].copy(), weights[:count].copy()
 
 
 @njit(cache=True, nogil=True)
-def _paint(vertices, triangles, colors, corner_color, width, height):
+def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row, picture):
+    """Add the rows `first_row` to `last_row` of the picture, which is 0 there."""
     channels = colors.shape[1]
-    picture = np.zeros((height * width, channels))
     scratch = np.empty((4, 12, 2))
     corners = np.empty((3, 2))
     pixel = np.empty(1024, np.int32)
@@ -157,16 +158,17 @@ def _paint(vertices, triangles, colors, corner_color, width, height):
     for t in range(len(triangles)):
         for k in range(3):
             corners[k] = vertices[triangles[t, k]]
-        need = _cells(corners, width, height)
+        need = _cells(corners, width, first_row, last_row)
+        if need == 0:
+            continue
         if need > len(pixel):
             pixel = np.empty(need, np.int32)
             weights = np.empty((need, 3))
-        count = _cover_triangle(corners, width, height, pixel, weights, 0, scratch)
+        count = _cover_triangle(corners, width, first_row, last_row, pixel, weights, 0, scratch)
         for e in range(count):
             for k in range(3):
                 for c in range(channels):
                     picture[pixel[e], c] += weights[e, k] * colors[corner_color[t, k], c]
-    return picture
 
 
 @njit(cache=True, nogil=True)
@@ -250,8 +252,13 @@ def paint(
 ) -> Floats:
     """The box-filtered picture `(height, width, c)` of triangles whose corners have
     `colors[corner_color]`."""
-    picture = _paint(vertices, triangles, np.ascontiguousarray(colors), corner_color, width, height)
-    return np.asarray(picture).reshape(height, width, -1)
+    colors = np.ascontiguousarray(colors)
+    picture = np.zeros((height * width, colors.shape[1]))
+    in_shares(
+        lambda first, last: _paint(vertices, triangles, colors, corner_color, width, first, last, picture),
+        height,
+    )
+    return picture.reshape(height, width, -1)
 
 
 @njit(cache=True, nogil=True)

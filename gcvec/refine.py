@@ -36,9 +36,14 @@ BOUNDARY_WEIGHT = 0.05
 FIRST_POINTS = 1 / 1500
 """A round that grows adds a share of the points there are, and this many a pixel on top."""
 
-RISE = 2.5
+RISE = 0.75
+"""Without the least useful share s of its control points a picture has about 1 + 0.75 s times the error."""
+
 FALL = 1.2
-"""How far the error really moves for what `usefulness` and `best_insertions` say of each point alone."""
+"""New points take this much more from the error than each would alone: the others' colours adapt."""
+
+EAGER = 0.6
+"""A round places this share of the points that the error seems to ask for: the best ones, which do most."""
 
 CROWDED = 1 / 8
 LEAST_RETURN = 0.1
@@ -49,13 +54,13 @@ the number of points are the last."""
 LOSS = 1.15
 """Rounding colours as a file does costs this much more than rounding to nearest: see its dead zone."""
 
-LANDING = 0.3
+LANDING = 0.15
 """After the exchanges no more than this share of the points is taken out to land on the target."""
 
 LEAST_AIM = 0.5
 """The aim is at least this share of the target."""
 
-NEAR = 1.2
+NEAR = 1.1
 """Growth ends within this factor of the aim: exchanges do the rest."""
 
 RETRIES = 4
@@ -103,8 +108,7 @@ def refine_batch(
     more = state.grow_until(NEAR, plan.growth, plan.turnover)
     for share in plan.exchanges:
         state.turn_over(share, plan.growth)
-    if state.mse < state.aim:
-        state.turn_over(LANDING, 0.0)
+    state.turn_over(min(LANDING, state.spare), 0.0)
     for _ in range(RETRIES):
         state.settle()
         with clock.stage("encode"):
@@ -191,6 +195,11 @@ class Refinement:
         loss = 1 / 12 + self._loss * float(self._energy.sum())
         return self._margin * max(self._target_mse - loss, LEAST_AIM * self._target_mse)
 
+    @property
+    def spare(self) -> float:
+        """Share of the control points that the picture can do without and still be as good as its aim."""
+        return max(self.aim / max(self.mse, 1e-9) - 1, 0.0) / RISE
+
     def learn(self, mse: float) -> None:
         """Aim lower: a file of the picture as it is has the error `mse`."""
         self._margin *= 0.99 * self.mse / self.aim * self._target_mse / mse
@@ -206,7 +215,7 @@ class Refinement:
             self.turn_over(turnover, growth)
             if len(self.points) <= n:
                 return False
-            helped = np.log(before / self.mse) >= LEAST_RETURN * np.log(len(self.points) / max(n, 1))
+            helped = np.log(before / max(self.mse, 1e-9)) >= LEAST_RETURN * np.log(len(self.points) / max(n, 1))
             crowded = len(self.points) > CROWDED * len(self._truth)
             idle_rounds = idle_rounds + 1 if crowded and not helped else 0
             if idle_rounds == IDLE_ROUNDS:
@@ -216,17 +225,15 @@ class Refinement:
     def turn_over(self, share: float, growth: float) -> None:
         """One round: take out the least useful `share` of the control points, and place as many new ones as
         the aim seems to ask for, at most `growth` times the number there is.
-
-        Where the error is below the aim already, only so many are taken out as that allows.
         """
         n, aim = len(self.points), self.aim
         with self._clock.stage("evaluation"):
             finished = self._finished()
-            kept, rise = self._without_least_useful(int(share * n), finished)
+            kept = self._useful(int(share * n), finished)
             gain, where = best_insertions(self._coverage, self._residual)
-            missing = self.mse + rise - aim
+            missing = self.mse * (1 + RISE * share) - aim
             fall = FALL * self._to_mse(np.cumsum(np.sort(gain)[::-1]))
-            wanted = int(np.searchsorted(fall, missing)) + 1 if missing > 0.01 * aim else 0
+            wanted = int(EAGER * np.searchsorted(fall, missing)) + 1 if missing > 0.01 * aim else 0
             new = choose_points(
                 self.canvas,
                 self._drawing.patch,
@@ -241,16 +248,11 @@ class Refinement:
         self._keep(kept)
         self._insert(new)
 
-    def _without_least_useful(
-        self, most: int, finished: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.bool_], float]:
-        """Which control points `(n,)` stay when up to `most` go, and by how much the error rises.
+    def _useful(self, fewer: int, finished: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which control points `(n,)` stay when the `fewer` least useful ones go.
 
         Regions that are `finished` would get no others, so they keep theirs.
         """
-        kept = np.ones(len(self.points), bool)
-        if not most:
-            return kept, 0.0
         use = usefulness(
             self._drawing.image,
             self._drawing.triangles,
@@ -259,13 +261,10 @@ class Refinement:
             self._energy[: len(self.points)],
         )
         use[finished[self.canvas.patch_of_points()]] = np.inf
-        order = np.argsort(use)[:most]
-        rise = RISE * self._to_mse(np.cumsum(use[order]))
-        if self.mse + rise[-1] < self.aim:
-            order = order[: np.searchsorted(rise, self.aim - self.mse)]
-        order = order[np.isfinite(use[order])]
-        kept[order] = False
-        return kept, float(rise[len(order) - 1]) if len(order) else 0.0
+        least = np.argsort(use)[:fewer]
+        kept = np.ones(len(use), bool)
+        kept[least[np.isfinite(use[least])]] = False
+        return kept
 
     def _to_mse(self, square: Floats) -> Floats:
         """Mean squared error of the picture (0-255 scale) for sums of squared errors."""
