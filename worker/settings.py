@@ -65,6 +65,12 @@ class Settings(BaseSettings):
     max_polygon_vertices: int = Field(default=20_000, gt=0, description="most vertices of one polygon")
     max_vertices: int = Field(default=200_000, gt=0, description="most vertices of all polygons together")
 
+    matte: str = Field(
+        default="#ffffff",
+        pattern="^#[0-9a-fA-F]{6}$",
+        description="what transparent pixels are laid over, unless a job says otherwise",
+    )
+
     job_seconds: float = Field(default=900, gt=0, description="longest run of one job")
     job_memory_bytes: int = Field(
         default=4_000_000_000, gt=0, description="most memory of one worker process"
@@ -95,6 +101,21 @@ class Settings(BaseSettings):
     def storage(self) -> str:
         """The storage URL in force: the one set, else a folder under `data_dir`."""
         return self.storage_url or (self.data_dir.absolute() / "storage").as_uri()
+
+
+def listing() -> str:
+    """The settings for people to read: a line each with variable, default and meaning."""
+    defaults = Settings.model_construct().model_dump(mode="json")
+    return "\n".join(
+        f"GCVEC_{name.upper()} ({_shown(defaults[name])}): {field.description}"
+        for name, field in Settings.model_fields.items()
+    )
+
+
+def _shown(default: object) -> str:
+    """A default as it would stand in the environment."""
+    parts = default if isinstance(default, list) else [default]
+    return ",".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts) or "empty"
 
 
 def _digest(key: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, BadParameter, Option
 
 from gcvec.cli._files import load_picture, require_folder, write
+from gcvec.cli._options import WHITE, Matte
 
 if TYPE_CHECKING:
     from gcvec.partition import Partition
@@ -31,6 +32,7 @@ def regions(
         int,
         Option("--regions", min=0, metavar="N", help="How many regions; 0: as many as pay for themselves."),
     ] = 0,
+    matte: Matte = WHITE,
 ) -> None:
     """Divide a photo into regions along its edges, to correct by hand and pass to vectorize -a."""
     require_folder(output)
@@ -38,7 +40,7 @@ def regions(
     if document is None:
         known = ", ".join(DOCUMENTS)
         raise BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
-    picture = load_picture(image)
+    picture = load_picture(image, matte)
 
     from gcvec.segment import segment
 

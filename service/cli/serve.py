@@ -12,6 +12,7 @@ import time
 import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
+from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Final
 from urllib.error import URLError
@@ -24,7 +25,7 @@ from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
 from service.supervisor import Command, Supervisor
 from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE
-from worker.settings import Settings
+from worker.settings import Settings, listing
 
 _READY_SECONDS: Final = 60.0
 
@@ -37,8 +38,7 @@ def serve(
 ) -> None:
     """Run the whole service until interrupted: API, workers and a private broker.
 
-    With GCVEC_BROKER_URL set, that server is used and none is started. GCVEC_STORAGE_URL, GCVEC_API_KEYS,
-    GCVEC_RETENTION and the limits are read from the environment too.
+    With GCVEC_BROKER_URL set, that server is used and none is started.
     """
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s", stream=sys.stderr)
     settings = _settings(data)
@@ -56,6 +56,9 @@ def serve(
         _announce(supervisor, listener)
         while not supervisor.stopping:
             supervisor.look_after()
+
+
+serve.__doc__ = f"{cleandoc(serve.__doc__ or '')}\n\nSettings, read from the environment:\n\n{listing()}"
 
 
 def _settings(data: Path) -> Settings:

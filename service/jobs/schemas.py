@@ -16,6 +16,7 @@ from worker.webhooks import SECRET_PREFIX
 
 EventName = Literal["job.started", "job.succeeded", "job.failed", "job.canceled"]
 Name = Annotated[str, StringConstraints(max_length=1024)]
+Color = Annotated[str, StringConstraints(pattern="^#[0-9a-fA-F]{6}$")]
 
 
 class JobOptions(BaseModel):
@@ -42,9 +43,14 @@ class JobOptions(BaseModel):
         None, description="the picture's name in an annotation file of several; default: its file name"
     )
 
+    matte: Color | None = Field(
+        None,
+        description="what transparent pixels are laid over, #rrggbb; default: the server's setting, white",
+    )
+
     def to_engine(self) -> Options:
         """The engine's options. Raises gcvec.InputError naming the option that is out of range."""
-        return Options(**self.model_dump(exclude={"image_name"}))
+        return Options(**self.model_dump(exclude={"image_name", "matte"}))
 
 
 class Webhook(BaseModel):
