@@ -9,9 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Final
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from gcvec.errors import InputError
 from gcvec.io import Limits
 
 _SHORTEST_KEY: Final = 16
@@ -131,8 +132,13 @@ def _digest(key: str) -> str:
 
 @lru_cache
 def get_settings() -> Settings:
-    """The settings of this process."""
-    return Settings()
+    """The settings of this process. Raises gcvec.InputError naming the variable that is wrong."""
+    try:
+        return Settings()
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = f"GCVEC_{first['loc'][0]}".upper()
+        raise InputError(f"{name}: {first['msg']}", code="bad-option") from None
 
 
 def limits(settings: Settings) -> Limits:

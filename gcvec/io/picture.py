@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 import warnings as python_warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageCms, TiffImagePlugin
+from PIL import ExifTags, Image, ImageCms, TiffImagePlugin, _imaging
 
 from gcvec.errors import InputError
 from gcvec.io.limits import DEFAULT_LIMITS, Limits
@@ -101,6 +102,20 @@ def read_picture(
         background.paste(colour, mask=alpha)
         colour = background
     return Picture(np.array(colour, dtype=np.uint8), tuple(notes))
+
+
+def _silence_libtiff() -> None:
+    """Keep libtiff from writing to stderr what it finds wrong with a file: the exceptions say enough.
+
+    Pillow has no way to ask for this; its own copy of the library has, where it can be reached.
+    """
+    with suppress(OSError, AttributeError):
+        set_error_handler = ctypes.CDLL(_imaging.__file__).TIFFSetErrorHandler
+        set_error_handler.argtypes, set_error_handler.restype = [ctypes.c_void_p], ctypes.c_void_p
+        set_error_handler(None)
+
+
+_silence_libtiff()
 
 
 def matte_from(color: str) -> tuple[int, int, int]:
