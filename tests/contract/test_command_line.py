@@ -79,16 +79,19 @@ def test_max_points_is_per_region_and_zero_lifts_it(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(90, 170, (HEIGHT, WIDTH, 3), dtype=np.uint8)
     Image.fromarray(noise).save(tmp_path / "photo.png")
     (tmp_path / "photo.xml").write_text(cvat(GROUND, BOX))
-    points = {}
+    points, told = {}, {}
     for bound in ("30", "0"):
         command = ("vectorize", "photo.png", "-a", "photo.xml", "-o", "a.gcv", "--target-mse", "250")
         run = gcvec(*command, "--max-points", bound, "--report", "r.json", cwd=tmp_path)
         assert run.returncode == 0
+        told[bound] = run.stderr
         regions = json.loads((tmp_path / "r.json").read_text())["regions"]
         points[bound] = [region["points"] for region in regions]
     assert max(points["30"]) == 30
     assert sum(points["30"]) > 30
     assert max(points["0"]) > 100
+    assert re.fullmatch(r"gcvec: warning: .+ above the target of 250: .* 30 control points .*\n", told["30"])
+    assert told["0"] == ""
 
 
 @pytest.mark.contract("2: gcvec vectorize: --strategy")
@@ -170,7 +173,8 @@ def test_gcvec_edit_moves_and_recolors(folder: Path, tmp_path: Path) -> None:
     moves = ("--move", f"{curve}:1:.5,-.25", "--move", f"{curve}:2:-.5,0")
     colors = ("--recolor", "0:#104080", "--recolor", "1:#f0c040")
     output = tmp_path / "out.gcv"
-    done(gcvec("edit", folder / "photo.gcv", "-o", output, *moves, *colors))
+    run = gcvec("edit", folder / "photo.gcv", "-o", output, *moves, *colors)
+    assert (run.returncode, run.stdout) == (0, "")
     edited = VectorImage.load(output)
     offset = image.network.offsets[curve]
     moved = edited.foundation.control_points - image.foundation.control_points

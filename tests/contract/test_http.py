@@ -208,6 +208,15 @@ def test_get_result_is_a_complete_description(api: httpx.Client, finished: dict[
     assert (xs.min(), xs.max(), ys.min(), ys.max()) == (0, WIDTH, 0, HEIGHT)
 
 
+@pytest.mark.contract("3: GET /v1/jobs/{id}/result: warnings")
+def test_a_job_that_misses_its_target_says_so(api: httpx.Client, photo: bytes) -> None:
+    job = ended(api, submitted(api, photo, regions=1, target_mse=1, max_points=5))
+    assert job["status"] == "succeeded"
+    (warning,) = job["warnings"]
+    assert "above the target of 1: 1 of 1 regions hold the 5 control points" in warning
+    assert api.get(job["links"]["result"]).json()["warnings"] == [warning]
+
+
 @pytest.mark.contract("3: GET /v1/jobs/{id}/result: drawn from it alone")
 def test_the_description_is_enough_to_draw_the_picture(api: httpx.Client, finished: dict[str, Any]) -> None:
     from gcvec.raster import paint
