@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-TARGETS = ("help", "install", "demo", "test", "check", "serve")
+TARGETS = ("help", "install", "demo", "test", "check", "serve", "bench")
 
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 
@@ -38,6 +38,7 @@ def test_make_help_has_one_line_for_each_target() -> None:
         ("test", "pytest"),
         ("serve", "gcvec serve"),
         ("check", "-m service.openapi --check"),
+        ("bench", "-m benchmarks"),
     ],
 )
 def test_make_targets_install_first_and_then_run(target: str, command: str) -> None:
