@@ -50,15 +50,16 @@ def produce(
         result = vectorize(picture.pixels, regions, replace(options, workers=threads), on_progress)
     encoded = result.to_bytes()
     report = result.report or compare(picture.pixels, result, len(encoded))
+    warnings = (*picture.warnings, *result.warnings)
     artifacts = {
         "gcv": encoded,
-        "result": json.dumps(result.description()).encode(),
+        "result": json.dumps({**result.description(), "warnings": warnings}).encode(),
         "report": json.dumps(report.as_dict()).encode(),
         "preview": png(result.render()),
         "error": png(error_map(picture.pixels, result)),
         "patches": png(patch_overlay(result)),
     }
-    return Product(artifacts, (*picture.warnings, *result.warnings), _totals(report))
+    return Product(artifacts, warnings, _totals(report))
 
 
 def _totals(report: Report) -> dict[str, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
@@ -130,6 +130,11 @@ class JobPage(BaseModel):
 
     jobs: list[JobView]
     next: str | None
+
+
+def json_of(model: type[BaseModel]) -> dict[str, Any]:
+    """What the interface description says of a form field that holds a model as JSON text."""
+    return {"contentMediaType": "application/json", "contentSchema": model.model_json_schema()}
 
 
 def job_path(job_id: str) -> str:

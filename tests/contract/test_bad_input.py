@@ -156,6 +156,7 @@ def test_pictures_of_every_kind_become_upright_srgb(api: httpx.Client, kind: str
     assert np.abs(drawn[12, 26] - right).max() <= 14, drawn[12, 26]
     assert len(job["warnings"]) == bool(warning)
     assert all(warning in told for told in job["warnings"])
+    assert api.get(job["links"]["result"]).json()["warnings"] == job["warnings"]
 
 
 @pytest.mark.contract("4: alpha over white, settable")
