@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-LONGEST = 420.0
+LONGEST = 600.0
 """Seconds that one measurement may take."""
 
 MEMORY_SHARE = 0.8
