@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install demo test check serve openapi
+.PHONY: help install demo test check serve bench openapi
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' Makefile
@@ -25,6 +25,9 @@ check: $(STAMP) ## format, lint, types, openapi in step
 
 serve: $(STAMP) ## run the service on http://127.0.0.1:8000
 	$(BIN)/gcvec serve
+
+bench: $(STAMP) ## measure time, memory and size; writes docs/benchmarks.md (20 minutes)
+	$(BIN)/python -m benchmarks
 
 openapi: $(STAMP) ## write openapi/openapi.json anew
 	$(BIN)/python -m service.openapi

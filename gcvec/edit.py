@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gcvec.boundary import Network, straight_line
 from gcvec.canonical import Canvas, Foundation
 from gcvec.color_space import LEFT, RIGHT, ColorSpace, color_space
-from gcvec.errors import InputError
+from gcvec.errors import InputError, pointing_at
 from gcvec.file_limits import too_far
 from gcvec.mesh import patch_mesh
 from gcvec.patch import Blend
@@ -62,8 +62,9 @@ def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Reco
     """
     if moves:
         image = _moved(image, moves)
-    for recolor in recolors:
-        image = _recolored(image, recolor)
+    for number, recolor in enumerate(recolors):
+        with pointing_at(f"recolors/{number}"):
+            image = _recolored(image, recolor)
     return image
 
 
@@ -89,15 +90,17 @@ def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
     network, foundation = image.network, image.foundation
     control_points = foundation.control_points.copy()
     grid = image.quantization.grid
-    for move in moves:
-        taken_along = _control_points_moved_by(network, foundation, move)
-        control_points[taken_along] += np.round(np.array([move.dx, move.dy]) / grid) * grid
-        if too_far(control_points[taken_along], network.width, network.height).any():
-            raise InputError(
-                f"control point {move.index} of curve {move.curve} would leave the picture far behind",
-                code="bad-move",
-            )
-    _keep_frame_straight(network, foundation, control_points)
+    for number, move in enumerate(moves):
+        with pointing_at(f"moves/{number}"):
+            taken_along = _control_points_moved_by(network, foundation, move)
+            control_points[taken_along] += np.round(np.array([move.dx, move.dy]) / grid) * grid
+            if too_far(control_points[taken_along], network.width, network.height).any():
+                raise InputError(
+                    f"control point {move.index} of curve {move.curve} would leave the picture far behind",
+                    code="bad-move",
+                )
+    with pointing_at("moves"):
+        _keep_frame_straight(network, foundation, control_points)
     geometry = foundation.geometry.moved(foundation.samples, control_points)
     foundation = replace(foundation, geometry=geometry, control_points=control_points)
     mesh = image.canvas.mesh

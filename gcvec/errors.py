@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(ValueError):
     """The input cannot be used. The message names the cause in one line.
@@ -14,3 +17,14 @@ class InputError(ValueError):
         super().__init__(message)
         self.code = code
         self.pointer = pointer
+
+
+@contextmanager
+def pointing_at(part: str) -> Iterator[None]:
+    """Let an `InputError` raised inside point at `part` of the input, unless it points at something."""
+    try:
+        yield
+    except InputError as error:
+        if error.pointer is not None:
+            raise
+        raise InputError(str(error), code=error.code, pointer=part) from error

@@ -16,7 +16,7 @@ from gcvec.boundary_fit import fitted_network
 from gcvec.canonical import lay_unfolded_foundation
 from gcvec.draft import Draft
 from gcvec.localize import LARGEST_SHIFT, localized
-from gcvec.metrics import compare
+from gcvec.metrics import Report, compare
 from gcvec.options import Options
 from gcvec.parallel import use_workers
 from gcvec.partition import Partition, partition
@@ -29,6 +29,13 @@ from gcvec.segment import segment
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
+
+FULL = 0.95
+"""A region with this share of the points it may have is taken as full: a few find no place."""
+
+ROUNDING = 0.1
+"""The paper's refinement looks at colours as they are before they are rounded to the file's steps, which adds
+at most this share of the target."""
 
 
 def vectorize(
@@ -80,7 +87,7 @@ def vectorize(
     seconds = {**clock.seconds, "total": time.perf_counter() - start}
     patches = tuple(replace(r, iterations=tell.iterations[r.id]) for r in report.regions)
     report = replace(report, strategy=options.strategy, seconds=seconds, regions=patches)
-    result = replace(image, warnings=regions.warnings, report=report)
+    result = replace(image, warnings=(*regions.warnings, *_shortfall(report, options)), report=report)
     tell.done(report.points, report.mse)
     return result
 
@@ -98,6 +105,24 @@ def _regions(
 def _reach(annotations: Annotations | None, options: Options) -> float:
     """How far borders may move from the label map's, pixels: half a pixel is what it leaves open itself."""
     return LARGEST_SHIFT if annotations is None else min(max(options.snap, 0.5), LARGEST_SHIFT)
+
+
+def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
+    """In one line, by how much the picture misses its target and why; nothing where it does not."""
+    mse = report.mse_raw if options.strategy == "paper" else report.mse
+    if mse <= options.target_mse:
+        return ()
+    bound = options.max_points
+    full = [r for r in report.regions if bound and r.points >= FULL * bound and r.mse > options.target_mse]
+    if full:
+        why = (
+            f"{len(full)} of {report.patches} regions hold the {bound} control points that max_points allows"
+        )
+    elif options.strategy == "paper" and mse <= (1 + ROUNDING) * options.target_mse:
+        why = "rounding to the file's steps has cost the rest"
+    else:
+        why = "more control points no longer help"
+    return (f"the mean squared error stays at {mse:.2f}, above the target of {options.target_mse:g}: {why}",)
 
 
 class _Teller:

@@ -215,7 +215,9 @@ class Refinement:
             self.turn_over(turnover, growth)
             if len(self.points) <= n:
                 return False
-            helped = np.log(before / max(self.mse, 1e-9)) >= LEAST_RETURN * np.log(len(self.points) / max(n, 1))
+            helped = np.log(before / max(self.mse, 1e-9)) >= LEAST_RETURN * np.log(
+                len(self.points) / max(n, 1)
+            )
             crowded = len(self.points) > CROWDED * len(self._truth)
             idle_rounds = idle_rounds + 1 if crowded and not helped else 0
             if idle_rounds == IDLE_ROUNDS:

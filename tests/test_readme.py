@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from worker.settings import Settings
+from worker.settings import Settings, listing
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -26,3 +26,9 @@ def test_pictures_exist_and_are_small() -> None:
     pictures = [ROOT / path for path in re.findall(r"!\[.*?\]\((.*?)\)", README)]
     assert len(pictures) == 4
     assert max(path.stat().st_size for path in pictures) < 200_000
+
+
+def test_serve_lists_the_same_settings() -> None:
+    lines = [line.partition(": ")[::2] for line in listing().splitlines()]
+    table = re.findall(r"^\| `(GCVEC_\w+)` \| (?:`(.*)`)? *\| (.+) \|$", README, re.MULTILINE)
+    assert lines == [(f"{name} ({shown or 'empty'})", meaning) for name, shown, meaning in table]

@@ -8,6 +8,7 @@ from typing import Any
 
 from gcvec import VectorImage
 from gcvec.edit import Move, Recolor, edit, hex_color
+from gcvec.errors import InputError
 from gcvec.export import patch_overlay
 from gcvec.export.png import png
 from worker.artifacts import KINDS, REVISED
@@ -17,7 +18,10 @@ def edited(image: VectorImage, changes: Mapping[str, Any]) -> VectorImage:
     """The image with control points moved and patches recoloured. Raises gcvec.InputError."""
     moves = [Move(**move) for move in changes["moves"]]
     recolors = [Recolor(change["patch"], hex_color(change["color"])) for change in changes["recolors"]]
-    return edit(image, moves, recolors)
+    try:
+        return edit(image, moves, recolors)
+    except InputError as error:
+        raise InputError(str(error), code=error.code, pointer=f"/body/{error.pointer}") from error
 
 
 def revision_files(image: VectorImage) -> dict[str, tuple[str, bytes]]:

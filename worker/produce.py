@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gcvec import Options, vectorize
+from gcvec.errors import pointing_at
 from gcvec.export import error_map, patch_overlay
 from gcvec.export.png import png
-from gcvec.io import check_size, read_annotations, read_picture
+from gcvec.io import check_size, matte_from, read_annotations, read_picture
 from gcvec.metrics import Report, compare
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
@@ -34,27 +35,31 @@ def produce(
 ) -> Product:
     """Vectorize an uploaded picture. Raises gcvec.InputError, and whatever `on_progress` raises."""
     bounds = limits(settings)
-    picture = read_picture(image, limits=bounds)
+    matte = matte_from(request.get("matte") or settings.matte)
+    with pointing_at("/image"):
+        picture = read_picture(image, limits=bounds, matte=matte)
     names = {name: request[name] for name in ("image_name", "picture_name")}
-    regions = None
-    if annotations is not None:
-        regions = read_annotations(annotations, **names, limits=bounds)
-        height, width = picture.pixels.shape[:2]
-        check_size(regions, width, height)
     options = Options(**request["options"])
     threads = min(options.workers or settings.job_threads, settings.job_threads)
-    result = vectorize(picture.pixels, regions, replace(options, workers=threads), on_progress)
+    with pointing_at("/image" if annotations is None else "/annotations"):
+        regions = None
+        if annotations is not None:
+            regions = read_annotations(annotations, **names, limits=bounds)
+            height, width = picture.pixels.shape[:2]
+            check_size(regions, width, height)
+        result = vectorize(picture.pixels, regions, replace(options, workers=threads), on_progress)
     encoded = result.to_bytes()
     report = result.report or compare(picture.pixels, result, len(encoded))
+    warnings = (*picture.warnings, *result.warnings)
     artifacts = {
         "gcv": encoded,
-        "result": json.dumps(result.description()).encode(),
+        "result": json.dumps({**result.description(), "warnings": warnings}).encode(),
         "report": json.dumps(report.as_dict()).encode(),
         "preview": png(result.render()),
         "error": png(error_map(picture.pixels, result)),
         "patches": png(patch_overlay(result)),
     }
-    return Product(artifacts, (*picture.warnings, *result.warnings), _totals(report))
+    return Product(artifacts, warnings, _totals(report))
 
 
 def _totals(report: Report) -> dict[str, float]:

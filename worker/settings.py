@@ -9,9 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Final
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from gcvec.errors import InputError
 from gcvec.io import Limits
 
 _SHORTEST_KEY: Final = 16
@@ -65,6 +66,12 @@ class Settings(BaseSettings):
     max_polygon_vertices: int = Field(default=20_000, gt=0, description="most vertices of one polygon")
     max_vertices: int = Field(default=200_000, gt=0, description="most vertices of all polygons together")
 
+    matte: str = Field(
+        default="#ffffff",
+        pattern="^#[0-9a-fA-F]{6}$",
+        description="what transparent pixels are laid over, unless a job says otherwise",
+    )
+
     job_seconds: float = Field(default=900, gt=0, description="longest run of one job")
     job_memory_bytes: int = Field(
         default=4_000_000_000, gt=0, description="most memory of one worker process"
@@ -97,6 +104,21 @@ class Settings(BaseSettings):
         return self.storage_url or (self.data_dir.absolute() / "storage").as_uri()
 
 
+def listing() -> str:
+    """The settings for people to read: a line each with variable, default and meaning."""
+    defaults = Settings.model_construct().model_dump(mode="json")
+    return "\n".join(
+        f"GCVEC_{name.upper()} ({_shown(defaults[name])}): {field.description}"
+        for name, field in Settings.model_fields.items()
+    )
+
+
+def _shown(default: object) -> str:
+    """A default as it would stand in the environment."""
+    parts = default if isinstance(default, list) else [default]
+    return ",".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts) or "empty"
+
+
 def _digest(key: str) -> str:
     """``sha256:HEX`` of a key given so or plain. Raises ValueError, which does not repeat the key."""
     if key.startswith("sha256:"):
@@ -110,8 +132,13 @@ def _digest(key: str) -> str:
 
 @lru_cache
 def get_settings() -> Settings:
-    """The settings of this process."""
-    return Settings()
+    """The settings of this process. Raises gcvec.InputError naming the variable that is wrong."""
+    try:
+        return Settings()
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = f"GCVEC_{first['loc'][0]}".upper()
+        raise InputError(f"{name}: {first['msg']}", code="bad-option") from None
 
 
 def limits(settings: Settings) -> Limits:

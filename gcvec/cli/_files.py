@@ -26,12 +26,16 @@ def about(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error}", code=error.code, pointer=error.pointer) from error
 
 
-def load_picture(path: Path) -> Picture:
-    """The picture in a PNG, JPEG, WebP or TIFF file; its warnings go to stderr. Raises InputError."""
-    from gcvec.io import read_picture
+def load_picture(path: Path, matte: str) -> Picture:
+    """The picture in a PNG, JPEG, WebP or TIFF file; its warnings go to stderr.
 
+    Transparent pixels are laid over `matte`, written as #rrggbb. Raises InputError.
+    """
+    from gcvec.io import matte_from, read_picture
+
+    color = matte_from(matte)
     with about(path):
-        picture = read_picture(path.read_bytes())
+        picture = read_picture(path.read_bytes(), matte=color)
     warn(path, picture.warnings)
     return picture
 

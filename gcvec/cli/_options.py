@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from typer import Option
 
+WHITE = "#ffffff"
+
 Regions = Annotated[
     int, Option(metavar="N", help="How many automatic regions; 0: as many as pay for themselves.")
 ]
@@ -15,6 +17,9 @@ Snap = Annotated[
 Strategy = Annotated[Literal["batch", "paper"], Option(help="How interior control points are placed.")]
 TargetMse = Annotated[
     float, Option(help="Mean squared error of the picture (0-255 scale) at which refinement stops.")
+]
+Matte = Annotated[
+    str, Option(metavar="#RRGGBB", envvar="GCVEC_MATTE", help="What transparent pixels are laid over.")
 ]
 MaxPoints = Annotated[int, Option(help="Most interior control points of one region; 0: no limit.")]
 Effort = Annotated[

@@ -9,6 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from gcvec.cli._files import about, load_picture, load_vector_image
+from gcvec.cli._options import WHITE, Matte
 
 MEASURES = ("mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes", "foldovers")
 
@@ -19,11 +20,12 @@ def compare(
         Path, Argument(metavar="OUT.gcv", exists=True, dir_okay=False, readable=True, help="A vector image.")
     ],
     as_json: Annotated[bool, Option("--json", help="Print JSON.")] = False,
+    matte: Matte = WHITE,
 ) -> None:
     """Measure a vector image against its photo."""
     from gcvec.metrics import compare
 
-    picture = load_picture(image)
+    picture = load_picture(image, matte)
     vector = load_vector_image(vector_image)
     with about(vector_image):
         measured = compare(picture.pixels, vector, vector_image.stat().st_size).as_dict()

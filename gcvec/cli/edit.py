@@ -51,7 +51,7 @@ def edit(
     with about(vector_image):
         edited = edit(image, moves, recolors)
     if edited.foldovers:
-        warn(output, [f"{edited.foldovers} triangles fold over after these moves"])
+        warn(output, [f"triangles that fold over after these moves: {edited.foldovers}"])
     write(output, edited.to_bytes())
 
 

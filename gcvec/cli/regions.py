@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, BadParameter, Option
 
-from gcvec.cli._files import load_picture, require_folder, write
+from gcvec.cli._files import about, load_picture, require_folder, write
+from gcvec.cli._options import WHITE, Matte
 
 if TYPE_CHECKING:
     from gcvec.partition import Partition
@@ -29,8 +30,14 @@ def regions(
     ],
     count: Annotated[
         int,
-        Option("--regions", min=0, metavar="N", help="How many regions; 0: as many as pay for themselves."),
+        Option(
+            "--regions",
+            min=0,
+            metavar="N",
+            help="How many regions; 0: as many as pay for themselves, 2000 at most.",
+        ),
     ] = 0,
+    matte: Matte = WHITE,
 ) -> None:
     """Divide a photo into regions along its edges, to correct by hand and pass to vectorize -a."""
     require_folder(output)
@@ -38,23 +45,29 @@ def regions(
     if document is None:
         known = ", ".join(DOCUMENTS)
         raise BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
-    picture = load_picture(image)
+    picture = load_picture(image, matte)
 
+    from gcvec.io import DEFAULT_LIMITS
     from gcvec.segment import segment
 
-    write(output, document(segment(picture.pixels, count), image.name))
+    found, most = segment(picture.pixels, count), DEFAULT_LIMITS.max_polygons
+    if not count and len(found.names) > most:
+        found = segment(picture.pixels, most)
+    with about(output):
+        content = document(found, image.name)
+    write(output, content)
 
 
 def _cvat(partition: Partition, image_name: str) -> bytes:
-    from gcvec.io import write_cvat_xml
+    from gcvec.io import DEFAULT_LIMITS, write_cvat_xml
 
-    return write_cvat_xml(partition, image_name)
+    return write_cvat_xml(partition, image_name, DEFAULT_LIMITS)
 
 
 def _coco(partition: Partition, image_name: str) -> bytes:
-    from gcvec.io import write_coco
+    from gcvec.io import DEFAULT_LIMITS, write_coco
 
-    return write_coco(partition, image_name)
+    return write_coco(partition, image_name, DEFAULT_LIMITS)
 
 
 DOCUMENTS: dict[str, Callable[[Partition, str], bytes]] = {".xml": _cvat, ".json": _coco}

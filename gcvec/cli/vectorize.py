@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from gcvec.cli._files import about, load_picture, require_folder, warn, write
-from gcvec.cli._options import Effort, MaxPoints, Regions, Snap, Strategy, TargetMse
+from gcvec.cli._options import WHITE, Effort, Matte, MaxPoints, Regions, Snap, Strategy, TargetMse
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 
@@ -47,6 +47,7 @@ def vectorize(
     strategy: Strategy = Options.strategy,
     target_mse: TargetMse = Options.target_mse,
     max_points: MaxPoints = Options.max_points,
+    matte: Matte = WHITE,
     workers: Annotated[int, Option(help="Threads; 0: one a core.")] = Options.workers,
     report: Annotated[
         Path | None, Option(metavar="R.json", help="Write errors, counts and times here.")
@@ -66,7 +67,7 @@ def vectorize(
         effort=effort,
     )
     require_folder(output, report, preview)
-    picture = load_picture(image)
+    picture = load_picture(image, matte)
     annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
 
     from gcvec import vectorize

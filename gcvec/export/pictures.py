@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
@@ -26,9 +28,11 @@ def patch_overlay(image: VectorImage, scale: float = 1.0) -> NDArray[np.uint8]:
     samples = image.foundation.samples
     for ends in samples.domain[samples.edge_ends] * scale:
         pen.line([tuple(p) for p in ends], fill=DOMAIN)
-    for curve in image.network.curves:
+    offsets = image.network.offsets
+    for curve, (first, past) in zip(image.network.curves, pairwise(offsets), strict=True):
         u = np.linspace(0, curve.segments, 8 * curve.segments + 1)
-        points = bspline.evaluate(curve.control_points, u, curve.closed) * scale
+        control_points = image.foundation.control_points[first:past]  # where an edit has moved them
+        points = bspline.evaluate(control_points, u, curve.closed) * scale
         pen.line([tuple(p) for p in points], fill=OUTLINE)
     radius = max(0.5, 0.3 * scale)
     places = image.canvas.places[: len(image.points)]

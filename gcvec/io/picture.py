@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
+import re
 import warnings as python_warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageCms, TiffImagePlugin
+from PIL import ExifTags, Image, ImageCms, TiffImagePlugin, _imaging
 
 from gcvec.errors import InputError
 from gcvec.io.limits import DEFAULT_LIMITS, Limits
@@ -19,6 +21,7 @@ from gcvec.io.limits import DEFAULT_LIMITS, Limits
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF")
 _SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _WHITE = (255, 255, 255)
+_COLOR = re.compile("#[0-9a-fA-F]{6}")
 
 _UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -99,6 +102,28 @@ def read_picture(
         background.paste(colour, mask=alpha)
         colour = background
     return Picture(np.array(colour, dtype=np.uint8), tuple(notes))
+
+
+def _silence_libtiff() -> None:
+    """Keep libtiff from writing to stderr what it finds wrong with a file: the exceptions say enough.
+
+    Pillow has no way to ask for this; its own copy of the library has, where it can be reached.
+    """
+    with suppress(OSError, AttributeError):
+        set_error_handler = ctypes.CDLL(_imaging.__file__).TIFFSetErrorHandler
+        set_error_handler.argtypes, set_error_handler.restype = [ctypes.c_void_p], ctypes.c_void_p
+        set_error_handler(None)
+
+
+_silence_libtiff()
+
+
+def matte_from(color: str) -> tuple[int, int, int]:
+    """The `matte` of `read_picture` written as `#rrggbb`. Raises `InputError` ("bad-option")."""
+    if not _COLOR.fullmatch(color):
+        raise InputError(f"{color!r} is not #rrggbb, such as #ffffff", code="bad-option", pointer="matte")
+    red, green, blue = bytes.fromhex(color[1:])
+    return red, green, blue
 
 
 @contextmanager

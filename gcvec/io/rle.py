@@ -14,6 +14,14 @@ def row_major_mask(counts: Counts, width: int, height: int) -> NDArray[np.bool_]
     return np.repeat(foreground, counts).reshape(height, width)
 
 
+def runs_of(mask: NDArray[np.bool_]) -> list[int]:
+    """The runs of a flat mask `(n,)`; the first is of background, 0 long where there is none."""
+    changes = np.flatnonzero(np.diff(mask)) + 1
+    start = [0, 0] if mask[0] else [0]
+    lengths: list[int] = np.diff(np.concatenate([start, changes, [len(mask)]])).tolist()
+    return lengths
+
+
 class ColumnRuns:
     """COCO: the runs of a whole picture, column by column, reduced to the box that holds the foreground.
 

@@ -9,7 +9,10 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.io.outlines import outlines
+from gcvec.io.limits import DEFAULT_LIMITS, Limits
+from gcvec.io.long_outlines import checked, to_be_masked
+from gcvec.io.outlines import Outline, outlines
+from gcvec.io.rle import runs_of
 
 if TYPE_CHECKING:
     from gcvec.partition import Partition
@@ -17,27 +20,41 @@ if TYPE_CHECKING:
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def write_cvat_xml(partition: Partition, image_name: str) -> bytes:
-    """One polygon a region along pixel edges.
+def write_cvat_xml(partition: Partition, image_name: str, limits: Limits = DEFAULT_LIMITS) -> bytes:
+    """One polygon a region along pixel edges, or a mask where the polygon would be beyond `limits`.
 
     CVAT's polygons have no holes, so a region that lies inside others has a higher `z_order`. Read back and
     partitioned, the document gives the same label map, provided no region is a sliver.
+
+    Raises `InputError` ("annotations-too-large") for what could not be read back.
     """
     height, width = partition.labels.shape
     document = ElementTree.Element("annotations")
     ElementTree.SubElement(document, "version").text = "1.1"
     size = {"width": str(width), "height": str(height)}
     image = ElementTree.SubElement(document, "image", {"id": "0", "name": _text(image_name), **size})
-    for name, outline in zip(partition.names, outlines(partition.labels), strict=True):
-        polygon = {"label": _text(name), "source": "auto", "occluded": "0", "points": _points(outline.ring)}
-        ElementTree.SubElement(image, "polygon", {**polygon, "z_order": str(outline.depth)})
+    found = outlines(partition.labels)
+    masked = to_be_masked(found, limits)
+    for region, (name, outline) in enumerate(zip(partition.names, found, strict=True)):
+        place = _mask(partition.labels, region, outline) if masked[region] else _polygon(outline)
+        about = {"label": _text(name), "source": "auto", "occluded": "0"}
+        tag = "mask" if masked[region] else "polygon"
+        ElementTree.SubElement(image, tag, {**about, **place, "z_order": str(outline.depth)})
     ElementTree.indent(document)
     written: bytes = ElementTree.tostring(document, encoding="utf-8", xml_declaration=True)
-    return written + b"\n"
+    return checked(written + b"\n", limits)
 
 
-def _points(ring: NDArray[np.int64]) -> str:
-    return ";".join(f"{x}.0,{y}.0" for x, y in ring.tolist())
+def _polygon(outline: Outline) -> dict[str, str]:
+    return {"points": ";".join(f"{x}.0,{y}.0" for x, y in outline.ring.tolist())}
+
+
+def _mask(labels: NDArray[np.int32], region: int, outline: Outline) -> dict[str, str]:
+    """The region's own pixels, row by row, in the box that holds them."""
+    (left, top), (right, bottom) = outline.ring.min(axis=0).tolist(), outline.ring.max(axis=0).tolist()
+    runs = runs_of((labels[top:bottom, left:right] == region).ravel())
+    box = {"left": left, "top": top, "width": right - left, "height": bottom - top}
+    return {"rle": ", ".join(map(str, runs)), **{name: str(value) for name, value in box.items()}}
 
 
 def _text(text: str) -> str:

@@ -12,11 +12,11 @@ import time
 import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
+from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Final
 from urllib.error import URLError
 
-from pydantic import ValidationError
 from typer import Option
 
 from gcvec.errors import InputError
@@ -24,7 +24,7 @@ from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
 from service.supervisor import Command, Supervisor
 from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE
-from worker.settings import Settings
+from worker.settings import Settings, get_settings, listing
 
 _READY_SECONDS: Final = 60.0
 
@@ -37,11 +37,10 @@ def serve(
 ) -> None:
     """Run the whole service until interrupted: API, workers and a private broker.
 
-    With GCVEC_BROKER_URL set, that server is used and none is started. GCVEC_STORAGE_URL, GCVEC_API_KEYS,
-    GCVEC_RETENTION and the limits are read from the environment too.
+    With GCVEC_BROKER_URL set, that server is used and none is started.
     """
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s", stream=sys.stderr)
-    settings = _settings(data)
+    settings = get_settings().model_copy(update={"data_dir": data})
     _check_open(settings, host)
     data.mkdir(parents=True, exist_ok=True)
     with _locked(data), closing(_listen(host, port)) as listener, Supervisor() as supervisor:
@@ -58,14 +57,7 @@ def serve(
             supervisor.look_after()
 
 
-def _settings(data: Path) -> Settings:
-    """The settings of the environment. Raises InputError naming the variable that is wrong."""
-    try:
-        return Settings(data_dir=data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = f"GCVEC_{first['loc'][0]}".upper()
-        raise InputError(f"{name}: {first['msg']}", code="bad-option") from None
+serve.__doc__ = f"{cleandoc(serve.__doc__ or '')}\n\nSettings, read from the environment:\n\n{listing()}"
 
 
 def _check_open(settings: Settings, host: str) -> None:

@@ -39,6 +39,12 @@ def submit(
     strategy: Strategy = Options.strategy,
     target_mse: TargetMse = Options.target_mse,
     max_points: MaxPoints = Options.max_points,
+    matte: Annotated[
+        str | None,
+        Option(
+            metavar="#RRGGBB", help="What transparent pixels are laid over; default: what the service says."
+        ),
+    ] = None,
     key: Annotated[str | None, Option(envvar="GCVEC_API_KEY", help="API key, if the service asks.")] = None,
 ) -> None:
     """Upload a picture to a service, watch the job and download its files."""
@@ -50,6 +56,7 @@ def submit(
         "strategy": strategy,
         "target_mse": target_mse,
         "max_points": max_points,
+        "matte": matte,
     }
     output.mkdir(parents=True, exist_ok=True)
     try:

@@ -12,7 +12,7 @@ from service.errors import ProblemError, documented
 from service.idempotency import IdempotencyKey
 from service.jobs import service
 from service.jobs.repository import cursor, position
-from service.jobs.schemas import JobPage, JobView, job_path
+from service.jobs.schemas import JobOptions, JobPage, JobView, Webhook, job_path, json_of
 from service.jobs.uploads import Upload, read_file, read_options, read_webhook
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
@@ -34,8 +34,17 @@ async def submit_job(
     annotations: Annotated[
         UploadFile | None, File(description="its regions: CVAT XML, COCO JSON or a zip with either")
     ] = None,
-    options: Annotated[str | None, Form(description="JSON object, see JobOptions")] = None,
-    webhook: Annotated[str | None, Form(description="JSON object, see Webhook")] = None,
+    options: Annotated[
+        str | None,
+        Form(
+            description="the options of the command line, a JSON object",
+            json_schema_extra=json_of(JobOptions),
+        ),
+    ] = None,
+    webhook: Annotated[
+        str | None,
+        Form(description="whom to tell how the job fares, a JSON object", json_schema_extra=json_of(Webhook)),
+    ] = None,
     idempotency_key: IdempotencyKey = None,
 ) -> JobView:
     """Queue a picture for vectorization. The answer's `Location` is the job."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
@@ -16,6 +16,7 @@ from worker.webhooks import SECRET_PREFIX
 
 EventName = Literal["job.started", "job.succeeded", "job.failed", "job.canceled"]
 Name = Annotated[str, StringConstraints(max_length=1024)]
+Color = Annotated[str, StringConstraints(pattern="^#[0-9a-fA-F]{6}$")]
 
 
 class JobOptions(BaseModel):
@@ -43,9 +44,14 @@ class JobOptions(BaseModel):
         None, description="the picture's name in an annotation file of several; default: its file name"
     )
 
+    matte: Color | None = Field(
+        None,
+        description="what transparent pixels are laid over, #rrggbb; default: the server's setting, white",
+    )
+
     def to_engine(self) -> Options:
         """The engine's options. Raises gcvec.InputError naming the option that is out of range."""
-        return Options(**self.model_dump(exclude={"image_name"}))
+        return Options(**self.model_dump(exclude={"image_name", "matte"}))
 
 
 class Webhook(BaseModel):
@@ -125,6 +131,11 @@ class JobPage(BaseModel):
 
     jobs: list[JobView]
     next: str | None
+
+
+def json_of(model: type[BaseModel]) -> dict[str, Any]:
+    """What the interface description says of a form field that holds a model as JSON text."""
+    return {"contentMediaType": "application/json", "contentSchema": model.model_json_schema()}
 
 
 def job_path(job_id: str) -> str:

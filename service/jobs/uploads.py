@@ -10,7 +10,7 @@ from fastapi import UploadFile
 from pydantic import ValidationError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gcvec.errors import InputError
+from gcvec.errors import InputError, pointing_at
 from gcvec.io import PictureHeader, check_size, probe_picture, read_annotations
 from service.errors import ProblemError, answer
 from service.jobs.schemas import JobOptions, Webhook
@@ -106,16 +106,18 @@ def read_webhook(text: str | None, settings: Settings) -> Webhook | None:
 def check(upload: Upload, settings: Settings) -> PictureHeader:
     """The picture's header. Raises InputError for what is unusable as far as can be seen without decoding."""
     bounds = limits(settings)
-    header = probe_picture(upload.image, limits=bounds)
+    with pointing_at("/image"):
+        header = probe_picture(upload.image, limits=bounds)
     if upload.annotations is None:
         return header
-    annotations = read_annotations(
-        upload.annotations,
-        image_name=upload.options.image_name,
-        picture_name=upload.picture_name,
-        limits=bounds,
-    )
-    check_size(annotations, header.width, header.height)
+    with pointing_at("/annotations"):
+        annotations = read_annotations(
+            upload.annotations,
+            image_name=upload.options.image_name,
+            picture_name=upload.picture_name,
+            limits=bounds,
+        )
+        check_size(annotations, header.width, header.height)
     return header
 
 
@@ -135,5 +137,6 @@ def request_of(upload: Upload) -> dict[str, Any]:
         "picture_name": upload.picture_name,
         "image_name": upload.options.image_name,
         "annotations": upload.annotations is not None,
-        "options": upload.options.model_dump(exclude={"image_name"}),
+        "matte": upload.options.matte,
+        "options": upload.options.model_dump(exclude={"image_name", "matte"}),
     }

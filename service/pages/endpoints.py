@@ -38,7 +38,10 @@ async def view(job_id: str) -> FileResponse:
 @router.get(
     "/v1/jobs/{job_id}/image",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}, **documented(401, 404, 410, 429)},
+    responses={
+        200: {"content": {"application/octet-stream": {}}},
+        **documented(401, 403, 404, 410, 422, 429, 503),
+    },
     summary="The uploaded picture",
     tags=["jobs"],
 )

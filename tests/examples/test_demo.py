@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FILES = {"result.json", "result.gcv", "preview.png", "error.png", "patches.png", "report.json"}
+PICTURES = {"preview.png", "error.png", "patches.png", "result.pdf", "result.svg"}
+FILES = {"result.json", "result.gcv", "report.json"} | PICTURES
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import skimage.data
 from PIL import Image
 
 from gcvec.cli._app import run
-from gcvec.io import read_annotations, read_picture
+from gcvec.io import DEFAULT_LIMITS, read_annotations, read_picture
 from gcvec.partition import partition
 from gcvec.segment import segment
 
@@ -53,3 +54,21 @@ def test_regions_refuses(photo: Path, tmp_path: Path, options: tuple[str, ...], 
     assert refused.stderr.count("\n") == 1
     assert named in refused.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_found_by_itself_can_always_be_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More regions than annotations may hold: the picture is divided into as many as they may."""
+    noise = np.random.default_rng(5).integers(0, 256, (30, 30, 3), dtype=np.uint8).repeat(7, 0).repeat(7, 1)
+    Image.fromarray(noise).save(tmp_path / "noise.png")
+    most = 40
+    assert len(segment(noise).names) > most
+    limits = replace(DEFAULT_LIMITS, max_polygons=most)
+    monkeypatch.setattr("gcvec.io.DEFAULT_LIMITS", limits)
+    for ending in ("xml", "json"):
+        output = tmp_path / f"noise.{ending}"
+        assert run(["regions", str(tmp_path / "noise.png"), "-o", str(output)]) == 0
+        assert len(read_annotations(output.read_bytes(), limits=limits).shapes) == most
+        refused = run(["regions", str(tmp_path / "noise.png"), "-o", str(output), "--regions", str(most + 1)])
+        assert refused == 2

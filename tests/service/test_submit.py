@@ -53,15 +53,15 @@ def test_the_message_is_a_job_id_and_nothing_large_is_in_redis(api: httpx.Client
 @pytest.mark.parametrize(
     ("files", "status", "code", "pointer"),
     [
-        ({"image": ("a.png", b"no picture")}, 415, "unsupported-picture", None),
-        ({"image": ("a.png", png()[:20])}, 422, "unreadable-picture", None),
-        ({"image": ("a.png", b"")}, 422, "unreadable-picture", None),
-        ({"image": ("a.png", png(201, 5))}, 413, "picture-too-large", None),
+        ({"image": ("a.png", b"no picture")}, 415, "unsupported-picture", "/image"),
+        ({"image": ("a.png", png()[:20])}, 422, "unreadable-picture", "/image"),
+        ({"image": ("a.png", b"")}, 422, "unreadable-picture", "/image"),
+        ({"image": ("a.png", png(201, 5))}, 413, "picture-too-large", "/image"),
         ({"image": ("a.png", b"x" * 100_001)}, 413, "too-large", "/image"),
         ({"image": IMAGE, "annotations": ("a.xml", b"x" * 100_001)}, 413, "too-large", "/annotations"),
         ({"image": IMAGE, "annotations": ("a.xml", b"<annotations>")}, 422, "broken-annotations", ...),
-        ({"image": IMAGE, "annotations": ("a.xml", cvat(width=31))}, 422, "size-mismatch", None),
-        ({"image": IMAGE, "annotations": ("a.xml", b"<annotations/>")}, 422, "unknown-image", None),
+        ({"image": IMAGE, "annotations": ("a.xml", cvat(width=31))}, 422, "size-mismatch", "/annotations"),
+        ({"image": IMAGE, "annotations": ("a.xml", b"<annotations/>")}, 422, "unknown-image", "/annotations"),
         ({"annotations": ("a.xml", cvat())}, 422, "invalid-request", "/body/image"),
     ],
 )

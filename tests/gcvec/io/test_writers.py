@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_fill_holes
 
 from gcvec.components import absorb_slivers, connected_components
-from gcvec.io import check_size, read_annotations, write_coco, write_cvat_xml
-from gcvec.io.outlines import outlines
+from gcvec.errors import InputError
+from gcvec.io import DEFAULT_LIMITS, Limits, check_size, read_annotations, write_coco, write_cvat_xml
+from gcvec.io.long_outlines import to_be_masked
+from gcvec.io.outlines import Outline, outlines
 from gcvec.partition import Partition, partition
 from gcvec.polygon_fill import fill_ring
 from gcvec.segment import segment
@@ -38,6 +41,16 @@ def assert_comes_back(write: Write, written: Partition, name: str = "a.png") -> 
     np.testing.assert_array_equal(read.labels, written.labels)
     assert read.names == written.names
     assert read.warnings == ()
+
+
+def assert_comes_back_within(limits: Limits, write: Callable[..., bytes], written: Partition) -> bytes:
+    """Read back under the limits that it was written for, the document gives the same label map."""
+    document = write(written, "a.png", limits)
+    height, width = written.labels.shape
+    read = partition(read_annotations(document, limits=limits), width, height)
+    np.testing.assert_array_equal(read.labels, written.labels)
+    assert (read.names, read.warnings) == (written.names, ())
+    return document
 
 
 def blocks(tiles: Labels) -> Labels:
@@ -128,3 +141,56 @@ def test_coco_states_the_area_without_holes_and_the_box() -> None:
 def test_cvat_shapes_inside_others_lie_above_them() -> None:
     shapes = read_annotations(write_cvat_xml(regions(nested), "a.png")).shapes
     assert sorted({shape.z_order for shape in shapes}) == [0, 1, 2, 3]
+
+
+@both_formats
+@given(
+    owners=tiles.map(blocks) | pixels,
+    most=st.sampled_from([(4, 200_000), (8, 30), (20_000, 20), (0, 0)]),
+)
+def test_outlines_beyond_the_limits_come_back_as_masks(
+    write: Callable[..., bytes], owners: Labels, most: tuple[int, int]
+) -> None:
+    limits = replace(DEFAULT_LIMITS, max_vertices_per_polygon=most[0], max_vertices=most[1])
+    assert_comes_back_within(limits, write, regions(owners))
+
+
+def comb(teeth: int) -> Labels:
+    """Two regions whose border is a comb, with four vertices a tooth."""
+    labels = np.zeros((20, 2 * teeth), np.int32)
+    labels[10:] = 1
+    labels[1:10, ::2] = 1
+    return labels
+
+
+@both_formats
+def test_an_outline_of_more_than_20000_vertices_is_written_as_a_mask(write: Callable[..., bytes]) -> None:
+    for teeth, is_mask in ((4_990, False), (5_010, True)):
+        document = assert_comes_back_within(DEFAULT_LIMITS, write, regions(comb(teeth)))
+        assert (b"rle=" in document or b'"counts"' in document) == is_mask
+
+
+def zigzag(vertices: int, side: int) -> Outline:
+    """An outline with so many vertices in a square."""
+    x = np.arange(vertices) % 2 * side
+    y = np.linspace(0, side, vertices).astype(np.int64)
+    return Outline(np.column_stack([x, y]), 0)
+
+
+@pytest.mark.parametrize(
+    ("most", "masked"),
+    [(94, []), (93, [0]), (54, [0]), (53, [0, 2]), (3, [0, 1, 2])],
+)
+def test_those_that_free_most_vertices_for_a_pixel_become_masks_first(most: int, masked: list[int]) -> None:
+    found = [zigzag(40, 10), zigzag(4, 100), zigzag(50, 200)]
+    limits = replace(DEFAULT_LIMITS, max_vertices=most)
+    assert np.flatnonzero(to_be_masked(found, limits)).tolist() == masked
+
+
+@both_formats
+@pytest.mark.parametrize("limit", ["max_polygons", "annotation_bytes", "mask_pixels"])
+def test_what_could_not_be_read_back_is_not_written(write: Callable[..., bytes], limit: str) -> None:
+    limits = replace(DEFAULT_LIMITS, max_vertices=0, **{limit: 5})
+    with pytest.raises(InputError, match="ask for fewer regions") as refused:
+        write(regions(nested), "a.png", limits)
+    assert refused.value.code == "annotations-too-large"

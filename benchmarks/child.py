@@ -1,0 +1,26 @@
+"""The process of one measurement: reads what to call from stdin, prints what came of it as JSON."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+from importlib import import_module
+
+
+def peak_memory() -> int:
+    """The most memory this process has held so far, bytes."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def main() -> None:
+    request = json.load(sys.stdin)
+    resource.setrlimit(resource.RLIMIT_DATA, (request["memory"], request["memory"]))
+    module, _, function = request["function"].partition(":")
+    value = getattr(import_module(module), function)(**request["arguments"])
+    print(json.dumps({"value": value, "peak": peak_memory()}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,180 @@
+"""Measures and tells: the tables of docs/benchmarks.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from benchmarks import codecs, delaunay_gouraud, tracing
+from benchmarks.engine import vectorized
+from benchmarks.growth import exponent, grown
+from benchmarks.machine import description
+from benchmarks.plan import Plan
+from benchmarks.run import Outcome, Run
+
+CONDITIONS = """\
+Photos are those of scikit-image, resampled to {size:g} megapixels unless said otherwise, with
+automatic regions and no bound on control points. Errors are mean squared errors on the 0-255 scale.
+Every measurement is a process of its own, on a machine that may have had other work too; the
+engine's kernels are loaded before the clock starts."""
+
+GROWTH = """\
+Fitted exponents: time {time}, memory above the idle engine's {memory}. The photo is resampled, so a
+larger one holds no finer detail."""
+
+SIZES = """\
+Each column holds the smallest file within the target, in kilobytes; one that misses it stands in
+brackets with its error. vtracer is tried with {tried} settings. Delaunay-Gouraud is a plain greedy
+mesh (`benchmarks/delaunay_gouraud.py`), measured at pixel centres, whose bytes are an estimate: the
+entropy of its rounded positions and colours."""
+
+PAPER = """\
+The paper's strategy adds one point at a time and brings each region within the target by itself, at
+pixel centres."""
+
+STAGES = ("regions", "boundary", "mesh_harmonic", "evaluation", "optimization", "encode", "total")
+
+
+def document(plan: Plan, run: Run) -> str:
+    """Measure all that the plan asks for; the page that tells of it."""
+    results = {
+        (name, target): run.measure(vectorized, name=name, megapixels=plan.size, target_mse=target)
+        for name in plan.pictures
+        for target in plan.targets
+    }
+    sizes, strategies = _sizes(plan, run, results), _strategies(plan, run)
+    growth = _growth(plan, run)  # last, for it may use up the run's time
+    sections = (
+        ["# Benchmarks", f"Written by `make bench` on {datetime.now(UTC):%Y-%m-%d}."],
+        ["Machine: " + "; ".join(description()) + "."],
+        [CONDITIONS.format(size=plan.size)],
+        _stages(plan, results),
+        growth,
+        sizes,
+        strategies,
+    )
+    return "\n\n".join(part for section in sections for part in section) + "\n"
+
+
+def _stages(plan: Plan, results: dict[tuple[str, float], Outcome]) -> list[str]:
+    rows = []
+    for name in plan.pictures:
+        outcome = results[name, plan.timed_target]
+        if outcome.failure:
+            rows.append([name, outcome.failure])
+            continue
+        report = outcome.value
+        seconds = [f"{report['seconds'][stage]:.2f}" for stage in STAGES]
+        rate = report["points"] / report["seconds"]["total"]
+        rows.append([name, f"{report['points']:,}", *seconds, f"{rate:,.0f}", _megabytes(outcome.peak)])
+    heading = [
+        "picture",
+        "points",
+        *(f"{stage}, s" for stage in STAGES),
+        "points a second",
+        "peak, MB",
+    ]
+    return [f"## Seconds by stage, at an error of {plan.timed_target:g}", _table(heading, rows)]
+
+
+def _growth(plan: Plan, run: Run) -> list[str]:
+    name = plan.pictures[0]
+    measured = grown(run, name, plan.growth_sizes, plan.growth_target)
+    rows = []
+    for size, outcome in measured:
+        if outcome.failure:
+            rows.append([f"{size:g}", outcome.failure])
+            continue
+        report = outcome.value
+        seconds, more = report["seconds"]["total"], outcome.peak - report["base"]
+        memory = [_megabytes(outcome.peak), _megabytes(more)]
+        rows.append([f"{size:g}", f"{report['points']:,}", f"{seconds:.1f}", *memory])
+    whole = [(size, outcome) for size, outcome in measured if not outcome.failure]
+    sizes = [size for size, _ in whole]
+    time = exponent(sizes, [outcome.value["seconds"]["total"] for _, outcome in whole])
+    space = exponent(sizes, [max(outcome.peak - outcome.value["base"], 1) for _, outcome in whole])
+    heading = ["megapixels", "points", "seconds", "peak memory, MB", "of it above the idle engine's, MB"]
+    return [
+        f"## Growth: {name} at an error of {plan.growth_target:g}",
+        _table(heading, rows),
+        GROWTH.format(time=_exponent(time), memory=_exponent(space)),
+    ]
+
+
+def _sizes(plan: Plan, run: Run, results: dict[tuple[str, float], Outcome]) -> list[str]:
+    heading = ["picture", "target", "gcvec, points", "gcvec"]
+    heading += [*codecs.CODECS, "vtracer, gzip", "Delaunay-Gouraud, points", "Delaunay-Gouraud"]
+    rows = []
+    for name in plan.pictures:
+        common = {"name": name, "megapixels": plan.size, "targets": plan.targets}
+        columns = [run.measure(codecs.sizes, codec=codec, **common) for codec in codecs.CODECS]
+        columns.append(run.measure(tracing.sizes, **common))
+        mesh = run.measure(delaunay_gouraud.sizes, **common)
+        for number, target in enumerate(plan.targets):
+            own = results[name, target]
+            others = [_kilobytes(column, number, target) for column in columns]
+            gcvec = [_points(own.value), _kilobytes(own, None, target)]
+            plain = [_points(_entry(mesh, number)), _kilobytes(mesh, number, target)]
+            rows.append([name, f"{target:g}", *gcvec, *others, *plain])
+    return [
+        "## Points and kilobytes at the same error",
+        _table(heading, rows),
+        SIZES.format(tried=len(tracing.SETTINGS)),
+    ]
+
+
+def _strategies(plan: Plan, run: Run) -> list[str]:
+    name = plan.pictures[0]
+    common = {"name": name, "megapixels": plan.paper_size, "regions": plan.paper_regions}
+    rows, figures = [], []
+    for strategy in ("batch", "paper"):
+        outcome = run.measure(vectorized, strategy=strategy, target_mse=plan.paper_target, **common)
+        if outcome.failure:
+            rows.append([strategy, outcome.failure])
+            continue
+        report = outcome.value
+        seconds, points = report["seconds"]["total"], report["points"]
+        figures.append((seconds, points))
+        errors = [f"{report[name]:.1f}" for name in ("mse", "mse_raw")]
+        rows.append([strategy, f"{seconds:.2f}", f"{points:,}", *errors])
+    if len(figures) == 2:
+        (fast, few), (slow, many) = figures
+        rows.append(["paper / batch", f"{slow / fast:.1f}", f"{many / max(few, 1):.2f}", "", ""])
+    return [
+        f"## The paper's strategy: {name}, {1e6 * plan.paper_size:,.0f} pixels, target {plan.paper_target:g}",
+        _table(["strategy", "seconds", "points", "error", "error at pixel centres"], rows),
+        PAPER,
+    ]
+
+
+def _entry(outcome: Outcome, number: int | None) -> Any:
+    if outcome.failure:
+        return None
+    return outcome.value if number is None else outcome.value[number]
+
+
+def _points(entry: Any) -> str:
+    return "" if entry is None else f"{entry['points']:,}"
+
+
+def _kilobytes(outcome: Outcome, number: int | None, target: float) -> str:
+    entry = _entry(outcome, number)
+    if entry is None:
+        return outcome.failure
+    shown = f"{entry['bytes'] / 1000:.1f}"
+    return shown if entry["mse"] <= target else f"({shown}: {entry['mse']:.1f})"
+
+
+def _megabytes(count: int) -> str:
+    return f"{count / 1e6:,.0f}"
+
+
+def _exponent(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.2f}"
+
+
+def _table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; rows that are too short end in empty cells."""
+    lines = [heading, ["---"] * len(heading), *([*row, *[""] * (len(heading) - len(row))] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,0 +1,67 @@
+"""Section 5: settings."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import httpx
+import pytest
+from PIL import Image
+
+from tests.contract.conftest import BOX, GROUND, cvat, encoded, gcvec, photo_pixels, polygon, post, problem
+from worker.settings import Settings
+
+NAMES = [f"GCVEC_{name.upper()}" for name in Settings.model_fields]
+README = (Path(__file__).parents[2] / "README.md").read_text()
+
+
+@pytest.mark.contract("5: listed by gcvec serve --help and README")
+def test_every_setting_is_listed() -> None:
+    assert {"GCVEC_BROKER_URL", "GCVEC_STORAGE_URL", "GCVEC_API_KEYS", "GCVEC_RETENTION"} <= set(NAMES)
+    shown = gcvec("serve", "--help").stdout
+    for name in NAMES:
+        assert re.search(rf"\b{name} \(", shown), name
+        assert f"| `{name}` |" in README
+
+
+@pytest.mark.contract("5: one settings class")
+def test_no_other_variable_is_read() -> None:
+    """Apart from the command line's own: the key `submit` sends, and the switch that shows a traceback."""
+    sources = [file for package in ("gcvec", "worker", "service") for file in Path(package).rglob("*.py")]
+    named = {name for file in sources for name in re.findall(r"\bGCVEC_[A-Z_]+\b", file.read_text())}
+    assert named - set(NAMES) <= {"GCVEC_API_KEY", "GCVEC_TRACEBACK", "GCVEC_"}
+
+
+@pytest.mark.contract("5: a wrong setting")
+@pytest.mark.parametrize(
+    "setting", ["GCVEC_MAX_SIDE=wide", "GCVEC_RETENTION=soon", "GCVEC_API_KEYS=short", "GCVEC_MATTE=white"]
+)
+def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:
+    command = [sys.executable, "-m", "gcvec.cli", "serve", "--port", "0", "--data", str(tmp_path / "data")]
+    run = subprocess.run(["env", setting, *command], capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.count("\n") == 1
+    assert setting.partition("=")[0] in run.stderr
+
+
+@pytest.mark.service
+@pytest.mark.contract("5: limits are settings")
+def test_limits_are_those_that_are_set(guarded: httpx.Client, photo: bytes) -> None:
+    """The limits of `SMALL_LIMITS`; a picture and annotations at each of them are fine."""
+    line = ";".join(f"{x},{x % 2}" for x in range(11))
+    five = polygon("1,1;9,1;9,9;5,5;1,9")
+    too_many = ([BOX, BOX, BOX, BOX], [polygon(line)], [GROUND, BOX, five])
+    for number, (polygons, at) in enumerate(zip(too_many, (4, 1, 3), strict=True)):
+        found = problem(post(guarded, photo, cvat(*polygons)), 413, "annotations-too-large")
+        assert found["pointer"].startswith(f"polygon {at}, line "), number
+    assert post(guarded, photo, cvat(GROUND, BOX, BOX)).status_code == 202
+    for size in ((301, 10), (230, 220)):
+        picture = encoded(Image.new("L", size))
+        assert problem(post(guarded, picture), 413, "picture-too-large")["pointer"] == "/image"
+    assert post(guarded, photo + bytes(100_000 - len(photo))).status_code == 202
+    padded = photo + bytes(100_001 - len(photo))
+    assert problem(post(guarded, padded), 413, "too-large")["pointer"] == "/image"
+    assert photo_pixels().size < 50_000

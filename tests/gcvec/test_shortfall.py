@@ -1,0 +1,59 @@
+"""A picture that misses its target says so, and why."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from gcvec import Options, VectorImage, vectorize
+from tests.gcvec.scenes import SCENES
+
+SENTENCE = re.compile(r"the mean squared error stays at (\d+\.\d\d), above the target of ([\d.]+): (.+)")
+
+
+def noise(side: int = 40) -> np.ndarray:
+    return np.random.default_rng(3).integers(90, 170, (side, side, 3), dtype=np.uint8)
+
+
+def told(image: VectorImage) -> tuple[float, float, str]:
+    """Error, target and reason of the only warning."""
+    (warning,) = image.warnings
+    found = SENTENCE.fullmatch(warning)
+    assert found, warning
+    return float(found[1]), float(found[2]), found[3]
+
+
+@pytest.mark.parametrize("strategy", ["batch", "paper"])
+def test_full_regions_are_counted(strategy: str) -> None:
+    image = vectorize(noise(), None, Options(strategy=strategy, target_mse=20, max_points=25, regions=1))
+    assert image.report is not None
+    error = image.report.mse_raw if strategy == "paper" else image.report.mse
+    assert told(image) == (
+        pytest.approx(error, abs=0.006),
+        20,
+        "1 of 1 regions hold the 25 control points that max_points allows",
+    )
+
+
+def test_points_that_no_longer_help_are_named() -> None:
+    scene = SCENES["diagonal"]
+    image = vectorize(scene.picture(), scene.annotations(), Options(target_mse=1))
+    assert image.report is not None
+    assert told(image) == (
+        pytest.approx(image.report.mse, abs=0.006),
+        1,
+        "more control points no longer help",
+    )
+
+
+def test_the_warning_is_part_of_the_description() -> None:
+    image = vectorize(noise(24), None, Options(target_mse=20, max_points=5, regions=1))
+    assert image.description()["warnings"] == list(image.warnings)
+
+
+def test_a_picture_within_its_target_has_nothing_to_say() -> None:
+    scene = SCENES["quadrants"]
+    image = vectorize(scene.picture(), scene.annotations(), Options(target_mse=5))
+    assert image.warnings == ()
