@@ -8,7 +8,6 @@ from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 
 from fastapi import FastAPI
-from fastapi.staticfiles import StaticFiles
 
 from service import errors
 from service.access import browsers
@@ -51,7 +50,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(health.router)
     app.include_router(metrics.router)
     app.include_router(pages.router)
-    app.mount("/", StaticFiles(directory=pages.STATIC), name="client")
     return app
 
 

@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -138,11 +138,16 @@ class Fleet:
         return api
 
     def start_worker(
-        self, *, concurrency: int = 1, largest_file: int | None = None, ready: bool = True
+        self,
+        *,
+        queues: Sequence[str] = QUEUES,
+        concurrency: int = 1,
+        largest_file: int | None = None,
+        ready: bool = True,
     ) -> Process:
         name = f"worker-{len(self.processes)}"
         command = ("-m", "celery", "-A", "worker.app", "worker", "--loglevel", "INFO", "--hostname", name)
-        work = ("--queues", ",".join(QUEUES), "--concurrency", str(concurrency))
+        work = ("--queues", ",".join(queues), "--concurrency", str(concurrency))
         fleet = ("--without-gossip", "--without-mingle", "--without-heartbeat")
         process = self._start((sys.executable, *command, *work, *fleet), name, largest_file=largest_file)
         if ready:
