@@ -22,6 +22,7 @@ import numpy as np
 from PIL import Image
 
 from service.broker import private_broker, wait_until_ready
+from service.server import KEEP_ALIVE_SECONDS
 from worker.app import QUEUES
 from worker.process import die_with
 from worker.records import Job, JobRecords, connect
@@ -132,7 +133,8 @@ class Fleet:
     def start_api(self, port: int = 0) -> Api:
         port = port or free_port()
         command = ("-m", "uvicorn", "--factory", "service.app:create_app", "--log-level", "warning")
-        process = self._start((sys.executable, *command, "--port", str(port)), f"api-{port}")
+        connections = ("--timeout-keep-alive", str(KEEP_ALIVE_SECONDS), "--port", str(port))
+        process = self._start((sys.executable, *command, *connections), f"api-{port}")
         self._apis.append(api := Api(process, port))
         within(30, api.ready)
         return api
