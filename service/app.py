@@ -24,7 +24,7 @@ from service.jobs.uploads import LimitBody
 from service.pages import endpoints as pages
 from service.questions import Questions
 from service.revisions import endpoints as revisions
-from worker import storage
+from worker import storage, tracing
 from worker.app import create_celery
 from worker.settings import Settings, get_settings
 
@@ -56,6 +56,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
+    tracing.start("gcvec-api")
     client = connect(settings.broker_url)
     changes = Changes(client)
     queue = create_celery(settings)
