@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import os
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,6 +16,7 @@ from skimage import data
 
 from tests.browser import Browser, Page
 from tests.conftest import RunningService, start_service
+from tests.fleet import LONG, one_region, picture
 
 pytestmark = [pytest.mark.browser, pytest.mark.service, pytest.mark.slow]
 
@@ -71,6 +75,31 @@ def test_with_a_key_everything_works(
         page.evaluate("document.getElementById('forget').click()")
         page.wait_for("document.querySelector('dialog')?.open")
         assert page.evaluate("sessionStorage.length") == 0
+
+
+def test_progress_goes_on_when_the_api_was_started_again(
+    browser: Browser, locked_service: RunningService
+) -> None:
+    files = {"image": ("a.png", picture()), "annotations": ("a.xml", one_region(48))}
+    headers = {"Authorization": f"Bearer {KEY}"}
+    form = {"options": json.dumps(LONG)}
+    answer = httpx.post(f"{locked_service.url}/v1/jobs", files=files, data=form, headers=headers)
+    address = f"{locked_service.url}{answer.headers['location']}"
+    with browser.page(900, 700) as page:
+        page.open(f"{address}/view")
+        enter(page, KEY)
+        page.wait_for("document.getElementById('iteration').textContent > 0", 60)
+        os.kill(api_of(locked_service), signal.SIGKILL)
+        page.wait_for("window.gcvec", 90)
+        assert page.requests.count(f"{address}/events") >= 2
+
+
+def api_of(service: RunningService) -> int:
+    """The process of its API."""
+    pid = service.process.pid
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    (found,) = (child for child in children if "service.server" in Path(f"/proc/{child}/cmdline").read_text())
+    return int(found)
 
 
 def test_the_page_of_a_job_asks_for_the_key_itself(browser: Browser, locked_service: RunningService) -> None:

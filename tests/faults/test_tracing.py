@@ -15,8 +15,6 @@ from worker import tracing
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
-pytest.importorskip("opentelemetry.exporter.otlp.proto.http", reason="gcvec[otel] is not installed")
-
 
 class Collector(ThreadingHTTPServer):
     """Takes spans by OTLP over HTTP: (service, name, trace id) of each."""
@@ -48,6 +46,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def collector() -> Iterator[Collector]:
+    pytest.importorskip("opentelemetry.exporter.otlp.proto.http", reason="gcvec[otel] is not installed")
     with Collector() as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
