@@ -8,7 +8,6 @@ from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 
 from fastapi import FastAPI
-from fastapi.staticfiles import StaticFiles
 
 from service import errors
 from service.access import browsers
@@ -25,7 +24,7 @@ from service.jobs.uploads import LimitBody
 from service.pages import endpoints as pages
 from service.questions import Questions
 from service.revisions import endpoints as revisions
-from worker import storage
+from worker import storage, tracing
 from worker.app import create_celery
 from worker.settings import Settings, get_settings
 
@@ -51,13 +50,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(health.router)
     app.include_router(metrics.router)
     app.include_router(pages.router)
-    app.mount("/", StaticFiles(directory=pages.STATIC), name="client")
     return app
 
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
+    tracing.start("gcvec-api")
     client = connect(settings.broker_url)
     changes = Changes(client)
     queue = create_celery(settings)

@@ -33,7 +33,12 @@ class Services:
     queue: Celery
 
 
-def get_services(request: Request) -> Services:
+# Dependencies are coroutines even where they wait for nothing: others are run in a thread, at more cost.
+async def get_services(request: Request) -> Services:
+    return _services(request)
+
+
+def _services(request: Request) -> Services:
     services: Services = request.app.state.services
     return services
 
@@ -41,8 +46,12 @@ def get_services(request: Request) -> Services:
 _BEARER = HTTPBearer(auto_error=False, description="An API key. A service on loopback may need none.")
 
 
-def get_owner(request: Request, _: Annotated[object, Security(_BEARER)]) -> str:
+async def get_owner(request: Request, _: Annotated[object, Security(_BEARER)]) -> str:
     """Whose request it is, as `service.access.gate` has found out."""
+    return _owner(request)
+
+
+def _owner(request: Request) -> str:
     owner: str = request.state.owner
     return owner
 
@@ -52,10 +61,10 @@ OwnerDep = Annotated[str, Depends(get_owner)]
 JobId = Annotated[str, Path(description="The job's id.")]
 
 
-async def get_job(job_id: JobId, services: ServicesDep, owner: OwnerDep) -> Job:
+async def get_job(job_id: JobId, request: Request, _: Annotated[object, Security(_BEARER)]) -> Job:
     """The caller's job. Another owner's is answered like one that never was."""
-    found_owner, job = await services.jobs.find(job_id)
-    if found_owner != owner:
+    found_owner, job = await _services(request).jobs.find(job_id)
+    if found_owner != _owner(request):
         raise ProblemError("not-found", "there is no job of this id")
     if job is None or job.expired:
         raise ProblemError("gone", "the job has expired or was deleted")

@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ import numpy as np
 from PIL import Image
 
 from service.broker import private_broker, wait_until_ready
+from service.server import KEEP_ALIVE_SECONDS
 from worker.app import QUEUES
 from worker.process import die_with
 from worker.records import Job, JobRecords, connect
@@ -132,17 +133,23 @@ class Fleet:
     def start_api(self, port: int = 0) -> Api:
         port = port or free_port()
         command = ("-m", "uvicorn", "--factory", "service.app:create_app", "--log-level", "warning")
-        process = self._start((sys.executable, *command, "--port", str(port)), f"api-{port}")
+        connections = ("--timeout-keep-alive", str(KEEP_ALIVE_SECONDS), "--port", str(port))
+        process = self._start((sys.executable, *command, *connections), f"api-{port}")
         self._apis.append(api := Api(process, port))
         within(30, api.ready)
         return api
 
     def start_worker(
-        self, *, concurrency: int = 1, largest_file: int | None = None, ready: bool = True
+        self,
+        *,
+        queues: Sequence[str] = QUEUES,
+        concurrency: int = 1,
+        largest_file: int | None = None,
+        ready: bool = True,
     ) -> Process:
         name = f"worker-{len(self.processes)}"
         command = ("-m", "celery", "-A", "worker.app", "worker", "--loglevel", "INFO", "--hostname", name)
-        work = ("--queues", ",".join(QUEUES), "--concurrency", str(concurrency))
+        work = ("--queues", ",".join(queues), "--concurrency", str(concurrency))
         fleet = ("--without-gossip", "--without-mingle", "--without-heartbeat")
         process = self._start((sys.executable, *command, *work, *fleet), name, largest_file=largest_file)
         if ready:

@@ -11,6 +11,7 @@ from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 from kombu import Exchange, Queue
 
+from worker import tracing
 from worker.process import die_with
 from worker.settings import Settings, get_settings
 
@@ -75,11 +76,13 @@ app = create_celery(get_settings())
 
 
 @signals.worker_init.connect
-def _load_engine(sender: Any, **_: Any) -> None:
-    """Load the engine before the pool is forked: its processes share it, and one that died is soon back.
+def _begin(sender: Any, **_: Any) -> None:
+    """Trace from now on, and load the engine before the pool is forked: its processes share it.
 
-    Only the workers that run jobs do so: on a new machine kernels are compiled here, best by one at a time.
+    One that died is then soon back. Only the workers that run jobs do so: on a new machine kernels are compiled
+    here, best by one at a time.
     """
+    tracing.start("gcvec-worker")
     if JOBS_QUEUE in sender.app.amqp.queues.consume_from:
         from worker.warmup import warm_up
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from ipaddress import ip_address
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -19,12 +20,14 @@ from worker.settings import Settings
 
 logger = logging.getLogger(__name__)
 
+_PAGE: Final = re.compile(r"/v1/jobs/[^/]+/view")
 _KEY_NEEDED: Final = {"WWW-Authenticate": "Bearer"}
 
 
 class Gate:
     """Finds out whose request it is, for `get_owner`, and refuses those that nobody may make.
 
+    The page of a job needs no key: it holds nothing, and asks for the job with the key that its tab keeps.
     Without keys the service is open to this machine alone: to connections that arrive on a loopback address,
     for a name of the loopback, and from no page of another site.
     """
@@ -49,7 +52,7 @@ class Gate:
 
     def _guards(self, scope: Scope) -> bool:
         path: str = scope["path"].removeprefix(scope.get("root_path", ""))
-        return path.startswith(self._guarded)
+        return path.startswith(self._guarded) and not _PAGE.fullmatch(path)
 
     async def _admit(self, scope: Scope) -> str:
         headers = Headers(scope=scope)

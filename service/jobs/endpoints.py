@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, File, Form, Header, Query, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Form, Header, Query, Response, UploadFile
 from fastapi.responses import StreamingResponse
 
 from service.deps import JobDep, OwnerDep, ServicesDep
@@ -13,7 +13,7 @@ from service.idempotency import IdempotencyKey
 from service.jobs import service
 from service.jobs.repository import cursor, position
 from service.jobs.schemas import JobOptions, JobPage, JobView, Webhook, job_path, json_of
-from service.jobs.uploads import Upload, read_file, read_options, read_webhook
+from service.jobs.uploads import Upload, check_parts, read_file, read_options, read_webhook
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -24,6 +24,7 @@ _RETRY_AFTER = "1"
     "",
     status_code=202,
     summary="Submit a picture",
+    dependencies=[Depends(check_parts)],
     responses=documented(400, 401, 403, 409, 410, 413, 415, 422, 429, 503),
 )
 async def submit_job(

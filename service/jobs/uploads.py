@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, Final, NoReturn
 
-from fastapi import UploadFile
+from fastapi import Request, UploadFile
 from pydantic import ValidationError
+from python_multipart.multipart import parse_options_header
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gcvec.errors import InputError, pointing_at
@@ -17,7 +19,8 @@ from service.jobs.schemas import JobOptions, Webhook
 from worker.settings import Settings, limits
 from worker.webhooks import UnsafeTargetError, check_target
 
-_FORM_OVERHEAD = 1_000_000
+_FORM_OVERHEAD: Final = 1_000_000
+_CHARSETS: Final = (b"utf-8", b"utf8", b"us-ascii")
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,11 @@ class Upload:
 
 
 class LimitBody:
-    """Middleware: a request body may not grow beyond what the largest valid upload needs."""
+    """Middleware: a request body may not grow beyond what the largest valid upload needs.
+
+    Nor may a form name a character set other than UTF-8: Python decodes some of them, "punycode" for one, in
+    a time that grows with the square of the length.
+    """
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
@@ -57,7 +64,33 @@ class LimitBody:
         if stated.isdigit() and int(stated) > self._limit:
             await answer(_too_large(self._limit).problem)(scope, receive, send)
             return
+        if not all(_is_utf8(value) for name, value in scope["headers"] if name == b"content-type"):
+            await answer(_FOREIGN_CHARSET.problem)(scope, receive, send)
+            return
         await self._app(scope, counted, send)
+
+
+_FOREIGN_CHARSET: Final = ProblemError(
+    "invalid-request", "a form must be in UTF-8", pointer="/header/content-type"
+)
+
+
+def _is_utf8(content_type: bytes) -> bool:
+    """Whether a form of this type is read as UTF-8; other bodies are not decoded by what their type says."""
+    media_type, options = parse_options_header(content_type)
+    return media_type != b"multipart/form-data" or options.get(b"charset", b"utf-8").lower() in _CHARSETS
+
+
+async def check_parts(request: Request) -> None:
+    """Raise ProblemError for a part that was sent twice: which one is meant is not ours to guess."""
+    form = await request.form()
+    for name, count in Counter(name for name, _ in form.multi_items()).items():
+        if count > 1:
+            raise ProblemError(
+                "invalid-request",
+                f"the part {name[:100]!r} was sent {count} times",
+                pointer=f"/body/{name[:100]}",
+            )
 
 
 async def read_file(file: UploadFile, name: str, settings: Settings) -> bytes:

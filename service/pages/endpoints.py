@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Final
 
 import obstore
-from fastapi import APIRouter
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
+from fastapi.staticfiles import StaticFiles
 
 from service.deps import JobDep, ServicesDep
 from service.errors import ProblemError, documented
@@ -21,6 +22,15 @@ _PAGE_HEADERS: Final = {
 }
 
 router = APIRouter(tags=["pages"])
+
+
+def _serve(files: StaticFiles, path: str) -> None:
+    """Register the address of one file. All of them behind "/" would hide which methods others know."""
+
+    async def static(request: Request) -> Response:
+        return await files.get_response(path, request.scope)
+
+    router.add_route(f"/{path}", static, include_in_schema=False)
 
 
 @router.get("/", include_in_schema=False)
@@ -58,3 +68,8 @@ async def get_image(job: JobDep, services: ServicesDep) -> StreamingResponse:
         "X-Content-Type-Options": "nosniff",
     }
     return StreamingResponse(found.stream(), headers=headers, media_type="application/octet-stream")
+
+
+_files = StaticFiles(directory=STATIC)
+for _file in STATIC.rglob("*.*"):
+    _serve(_files, _file.relative_to(STATIC).as_posix())

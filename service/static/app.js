@@ -1,5 +1,7 @@
 /** The upload form and the list of recent jobs. */
 
+import { call, callBlob, callJson, forgetKey, hasKey } from "./session.js";
+
 const element = (id) => document.getElementById(id);
 const NUMBERS = ["target_mse", "max_points", "regions", "snap"];
 
@@ -19,10 +21,8 @@ async function submit(event) {
   body.append("options", JSON.stringify(options()));
   busy(true);
   try {
-    const answer = await fetch("/v1/jobs", { method: "POST", body });
-    const content = await answer.json();
-    if (!answer.ok) throw new Error(content.detail || content.title);
-    location.assign(`${content.links.self}/view`);
+    const job = await callJson("/v1/jobs", { method: "POST", body });
+    location.assign(`${job.links.self}/view`);
   } catch (error) {
     element("error").textContent = error.message;
     element("error").hidden = false;
@@ -65,19 +65,35 @@ function acceptDrops() {
 }
 
 async function showRecent() {
-  const answer = await fetch("/v1/jobs?limit=12");
+  const answer = await call("/v1/jobs?limit=12");
+  element("forget").hidden = !hasKey();
   if (!answer.ok) return;
   const { jobs } = await answer.json();
   element("recent").hidden = !jobs.length;
   element("jobs").replaceChildren(...jobs.map(jobItem));
 }
 
+const sources = new WeakMap();
+
+/** Previews are fetched when they come into view. */
+const previews = new IntersectionObserver((entries) => {
+  for (const { target, isIntersecting } of entries) {
+    if (!isIntersecting) continue;
+    previews.unobserve(target);
+    callBlob(sources.get(target)).then((blob) => {
+      target.onload = () => URL.revokeObjectURL(target.src);
+      target.src = URL.createObjectURL(blob);
+    }, console.debug); // the job may have expired
+  }
+});
+
 function jobItem(job) {
   const link = document.createElement("a");
   link.href = `${job.links.self}/view`;
   if (job.links.preview) {
-    const preview = new Image();
-    Object.assign(preview, { src: job.links.preview, alt: "", loading: "lazy" });
+    const preview = Object.assign(new Image(), { alt: "" });
+    previews.observe(preview);
+    sources.set(preview, job.links.preview);
     link.append(preview);
   } else {
     link.append(Object.assign(document.createElement("span"), { className: `status ${job.status}`, textContent: job.status }));
@@ -92,6 +108,10 @@ function jobItem(job) {
 }
 
 element("form").addEventListener("submit", submit);
+element("forget").addEventListener("click", () => {
+  forgetKey();
+  location.reload();
+});
 element("image").addEventListener("change", showChoice);
 acceptDrops();
 showRecent();

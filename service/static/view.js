@@ -1,6 +1,7 @@
 /** The page of one job: its progress while it runs, then its patches. */
 
 import { GcvecView } from "./gcvec.js";
+import { call, callBlob, callJson, eventsOf, hasKey } from "./session.js";
 
 const element = (id) => document.getElementById(id);
 const address = location.pathname.replace(/\/view\/?$/, "");
@@ -26,41 +27,31 @@ const OVERLAY_KEYS = { o: "outlines", p: "polygons", c: "points" };
 
 async function start() {
   try {
-    const job = await getJson(address);
-    await show(job);
+    await show(await callJson(address));
   } catch (error) {
     showProblem("This job cannot be shown", error.message);
   }
-}
-
-async function getJson(url) {
-  const answer = await fetch(url);
-  const content = await answer.json();
-  if (!answer.ok) throw new Error(content.detail || content.title);
-  return content;
 }
 
 async function show(job) {
   if (job.status === "succeeded") return showResult(job);
   if (job.status === "failed") return showProblem(job.error.title, job.error.detail);
   if (job.status === "canceled") return showProblem("Canceled", "This job was canceled before it had finished.");
-  watch(job);
+  await watch(job);
 }
 
 /* While it runs. */
 
-function watch(job) {
+async function watch(job) {
   element("progress").hidden = false;
-  element("cancel").onclick = () => fetch(address, { method: "DELETE" });
+  element("cancel").onclick = () => call(address, { method: "DELETE" });
   showProgress(job.progress);
-  const events = new EventSource(job.links.events);
-  events.addEventListener("snapshot", (event) => showProgress(JSON.parse(event.data).progress));
-  events.addEventListener("progress", (event) => showProgress(JSON.parse(event.data)));
-  events.addEventListener("state", (event) => {
-    events.close();
-    element("progress").hidden = true;
-    show(JSON.parse(event.data)).catch((error) => showProblem("The result cannot be shown", error.message));
-  });
+  for await (const { event, data } of eventsOf(job.links.events)) {
+    if (event === "snapshot") showProgress(data.progress);
+    if (event === "progress") showProgress(data);
+  }
+  element("progress").hidden = true;
+  await show(await callJson(address));
 }
 
 const errors = [];
@@ -99,7 +90,7 @@ function showProblem(title, detail) {
 
 async function showResult(job) {
   element("summary").textContent = "Loading the patches…";
-  const result = await getJson(job.links.result);
+  const result = await callJson(job.links.result);
   element("canvas").hidden = false;
   const view = new GcvecView(element("canvas"));
   element("tools").hidden = false;
@@ -147,9 +138,23 @@ function showDownloads(job) {
     const link = Object.assign(document.createElement("a"), { href: job.links[name], download: "" });
     link.append(Object.assign(document.createElement("strong"), { textContent: title }));
     link.append(Object.assign(document.createElement("small"), { textContent: hint }));
+    if (hasKey()) link.onclick = (event) => download(event, job.links[name]);
     const item = document.createElement("li");
     item.append(link);
     element("downloads").append(item);
+  }
+}
+
+/** A link cannot send the key. */
+async function download(event, url) {
+  event.preventDefault();
+  const link = Object.assign(document.createElement("a"), { download: url.split("/").pop() });
+  try {
+    link.href = URL.createObjectURL(await callBlob(url));
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+  } catch (error) {
+    element("summary").textContent = error.message;
   }
 }
 
@@ -194,7 +199,7 @@ function press(button) {
 async function connectOriginal(view, url) {
   const toggle = element("compare-toggle");
   toggle.disabled = true;
-  const answer = await fetch(url);
+  const answer = await call(url);
   if (!answer.ok) return;
   const photo = await createImageBitmap(await answer.blob(), { imageOrientation: "from-image" }).catch(() => null);
   if (!photo) return;

@@ -66,3 +66,14 @@ def test_pages_of_other_origins_are_let_in_by_setting_only(api: httpx.Client, se
         assert "Retry-After" in answer.headers["access-control-expose-headers"]
         other = client.get("/v1/jobs", headers={"Origin": "https://evil.example"})
         assert "access-control-allow-origin" not in other.headers
+
+
+def test_the_client_is_served_file_by_file(api: httpx.Client) -> None:
+    for path, media_type in (("/gcvec/scene.js", "text/javascript"), ("/favicon.svg", "image/svg+xml")):
+        answer = api.get(path)
+        assert answer.status_code == 200
+        assert answer.headers["content-type"].startswith(media_type)
+        assert api.head(path).status_code == 200
+        assert api.get(path, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
+    for path in ("/gcvec", "/gcvec/", "/%2e%2e/app.py", "/gcvec/..%2f..%2fapp.py"):
+        assert api.get(path).status_code == 404

@@ -5,8 +5,10 @@ import time
 from pathlib import Path
 
 import httpx
+import pytest
 
 from tests.service.conftest import Jobs
+from tests.service.test_submit import refused
 from worker.problems import problem
 from worker.records import claim, finish, report
 
@@ -100,3 +102,15 @@ def test_jobs_are_listed_newest_first_page_by_page(api: httpx.Client, jobs: Jobs
     assert seen == ids[::-1]
     for cursor in ("x", "00", "5b5d", "7b7d", "5b312c327d"):
         assert api.get(f"/v1/jobs?cursor={cursor}").status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "allowed"),
+    [("GET", "/v1/jobs/x/edits", "POST"), ("PUT", "/v1/jobs", "POST"), ("POST", "/app.js", "GET")],
+)
+def test_a_method_that_an_address_does_not_know_is_refused(
+    api: httpx.Client, method: str, path: str, allowed: str
+) -> None:
+    answer = api.request(method, path)
+    refused(answer, 405, "method-not-allowed")
+    assert allowed in answer.headers["allow"]

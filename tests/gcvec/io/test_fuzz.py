@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import random
+import resource
 import signal
+import struct
+import sys
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -20,8 +24,11 @@ from gcvec.errors import InputError
 from gcvec.io import Limits, check_size, probe_picture, read_annotations, read_picture
 from gcvec.partition import partition
 
-SECONDS = 5
-"""More than any of these small inputs may take, on any machine."""
+SECONDS = 2
+"""Processor time that no input may take; they are small."""
+
+MEMORY = 64 * 2**20
+"""Bytes by which reading one input may raise the most that this process has ever held."""
 
 LIMITS = Limits(max_pixels=20_000, max_side=2_000, annotation_bytes=200_000, mask_pixels=100_000)
 WIDTH, HEIGHT = 40, 30
@@ -168,18 +175,83 @@ def with_other_counts(rng: random.Random, data: bytes) -> bytes:
     return json.dumps(document).encode()
 
 
+def with_good_checksums(rng: random.Random, data: bytes) -> bytes:
+    """A PNG with a chunk damaged, repeated, left out or claimed to be longer, and every checksum right."""
+    chunks = [list(chunk) for chunk in png_chunks(data)]
+    for _ in range(rng.choice((1, 1, 3))):
+        place = rng.randrange(len(chunks))
+        kind, content = chunks[place]
+        action = rng.choice(("damage", "damage", "damage", "repeat", "drop", "grow", "rename"))
+        if action == "damage" and content:
+            chunks[place][1] = flipped(rng, content)
+        elif action == "repeat":
+            chunks[place:place] = [[kind, content]] * rng.choice((1, 1, 50))
+        elif action == "drop" and len(chunks) > 1:
+            del chunks[place]
+        elif action == "grow":
+            chunks[place][1] = content + rng.randbytes(rng.randrange(2_000))
+        elif action == "rename":
+            chunks[place][0] = rng.choice((b"iCCP", b"zTXt", b"eXIf", b"acTL", b"tRNS", b"PLTE", b"fdAT"))
+    return data[:8] + b"".join(sealed(kind, content) for kind, content in chunks)
+
+
+def png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    place = 8
+    while place + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, place)
+        yield data[place + 4 : place + 8], data[place + 8 : place + 8 + length]
+        place += length + 12
+
+
+def sealed(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+
+def with_other_sizes(rng: random.Random, data: bytes) -> bytes:
+    """A zip whose headers claim other sizes, offsets, methods and flags than its files have."""
+    damaged = bytearray(data)
+    places = [at for mark in (b"PK\1\2", b"PK\3\4", b"PK\5\6") for at in all_places(data, mark)]
+    for place in rng.sample(places, rng.choice((1, 1, 2))):
+        field = place + rng.randrange(4, 46, 2)
+        value = rng.choice((0, 1, 8, 0xFFFF, 0xFFFF_FFFF, rng.randrange(2**16), len(data)))
+        struct.pack_into("<I", damaged, min(field, len(damaged) - 4), value)
+    return bytes(damaged)
+
+
+def all_places(data: bytes, mark: bytes) -> Iterator[int]:
+    place = data.find(mark)
+    while place >= 0:
+        yield place
+        place = data.find(mark, place + 1)
+
+
+def with_very_much(rng: random.Random, data: bytes) -> bytes:
+    """Some part very often, or brackets very deep: what is cheap to send must be cheap to refuse."""
+    start = rng.randrange(len(data))
+    part = data[start : start + rng.choice((1, 10, 100, 1_000))]
+    part = rng.choice((part, part, rng.choice(TOKENS), b"<a>", b'<a b="">', b'{"a":', b"[", b"0,0;", b"1,"))
+    often = rng.choice((100, 1_000, 100_000)) // max(len(part), 1)
+    return data[:start] + part * often + data[start + rng.choice((0, len(part))) :]
+
+
 @contextmanager
 def time_limit() -> Iterator[None]:
     def expired(signum: int, frame: FrameType | None) -> None:
         raise TimeoutError(f"not done after {SECONDS} s")
 
-    before = signal.signal(signal.SIGALRM, expired)
-    signal.alarm(SECONDS)
+    before = signal.signal(signal.SIGPROF, expired)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def peak_memory() -> int:
+    """Bytes that this process has held at most."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
 
 
 def annotated(data: bytes) -> Annotations:
@@ -195,6 +267,13 @@ def pictured(data: bytes) -> None:
     assert pixels.shape == (header.height, header.width, 3)
 
 
+def pictured_or_sideways(data: bytes) -> None:
+    """A PNG may tell its orientation behind its pixels, where probing does not look."""
+    header = probe_picture(data, limits=LIMITS)
+    sides = read_picture(data, limits=LIMITS).pixels.shape[:2]
+    assert sides in ((header.height, header.width), (header.width, header.height))
+
+
 def read_many(
     read: Callable[[bytes], object], seeds: list[bytes], mutations: list[Mutate], count: int
 ) -> None:
@@ -204,6 +283,7 @@ def read_many(
     refused, message = 0, ""
     for number in range(count):
         damaged = rng.choice(mutations)(rng, rng.choice(seeds))
+        before = peak_memory()
         try:
             with time_limit():
                 read(damaged)
@@ -214,17 +294,28 @@ def read_many(
             error.add_note(f"input {number}: {damaged!r}")
             raise
         assert "\n" not in message
+        grown = peak_memory() - before
+        assert grown < MEMORY, f"input {number} takes {grown} bytes: {damaged!r}"
     assert count // 50 < refused < count - count // 50, "both must happen, or the mutations are no test"
 
 
 BYTES: list[Mutate] = [flipped, cut, spliced]
-TEXT: list[Mutate] = [*BYTES, with_tokens, with_other_numbers]
+TEXT: list[Mutate] = [*BYTES, with_tokens, with_other_numbers, with_very_much]
 CORPORA: dict[str, tuple[Callable[[bytes], object], list[bytes], list[Mutate]]] = {
     "xml": (annotated, [XML], TEXT),
     "json": (annotated, [COCO], TEXT),
     "rle": (annotated, [COCO], [with_other_counts]),
-    "zip": (annotated, [archive(zipfile.ZIP_DEFLATED), archive(zipfile.ZIP_STORED)], BYTES),
+    "zip": (
+        annotated,
+        [archive(zipfile.ZIP_DEFLATED), archive(zipfile.ZIP_STORED)],
+        [*BYTES, with_other_sizes],
+    ),
     "picture": (pictured, pictures(), BYTES),
+    "png": (
+        pictured_or_sideways,
+        [file for file in pictures() if file.startswith(b"\x89PNG")],
+        [with_good_checksums],
+    ),
 }
 
 corpora = pytest.mark.parametrize("corpus", list(CORPORA))

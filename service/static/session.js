@@ -1,0 +1,117 @@
+/**
+ * Calls to the service. One that asks for an API key gets it from a field, and the tab keeps it until it is
+ * closed. The key goes into a header, never into an address, so pictures and events are fetched as well.
+ */
+
+const STORED = "gcvec-key";
+const PAUSE = 1000; // ms before a stream of events that broke off is taken up again
+
+let asking = null;
+
+/** Whether the tab keeps a key. */
+export const hasKey = () => sessionStorage.getItem(STORED) !== null;
+
+/** Forget the key. */
+export function forgetKey() {
+  sessionStorage.removeItem(STORED);
+}
+
+/** `fetch` with the key; asks for one, until it is accepted, where the service wants it. */
+export async function call(url, options = {}) {
+  for (;;) {
+    const key = sessionStorage.getItem(STORED);
+    const headers = new Headers(options.headers);
+    if (key !== null) headers.set("Authorization", `Bearer ${key}`);
+    const answer = await fetch(url, { ...options, headers });
+    if (answer.status !== 401) return answer;
+    // another call may have got a new key meanwhile
+    if (key === sessionStorage.getItem(STORED)) await (asking ??= askForKey(key !== null).finally(() => (asking = null)));
+  }
+}
+
+/** The JSON of an answer. Throws an Error with the problem's words. */
+export async function callJson(url, options) {
+  const answer = await call(url, options);
+  const content = await answer.json();
+  if (!answer.ok) throw new Error(content.detail || content.title);
+  return content;
+}
+
+/** A file as a Blob; one that is made on demand is asked for until it is there. */
+export async function callBlob(url) {
+  for (;;) {
+    const answer = await call(url);
+    if (answer.ok) return answer.blob();
+    const again = Number(answer.headers.get("Retry-After"));
+    if (answer.status !== 409 || !again) throw new Error((await answer.json()).detail);
+    await new Promise((resume) => setTimeout(resume, 1000 * again));
+  }
+}
+
+/** The events of a job, { event, data } with the data parsed, to the final one; across broken connections. */
+export async function* eventsOf(url) {
+  let last = "0";
+  for (;;) {
+    try {
+      const answer = await call(url, { headers: { "Last-Event-ID": last } });
+      if (answer.status === 204) return;
+      if (answer.status >= 400 && answer.status < 500 && answer.status !== 429) {
+        throw Object.assign(new Error((await answer.json()).detail), { final: true });
+      }
+      if (answer.ok) {
+        for await (const { id, event, data } of parsed(answer.body)) {
+          last = id ?? last;
+          yield { event, data: JSON.parse(data) };
+          if (event === "state") return;
+        }
+      }
+    } catch (error) {
+      if (error.final) throw error;
+    }
+    await new Promise((resume) => setTimeout(resume, PAUSE));
+  }
+}
+
+/** Server-sent events as they come in: { id, event, data } of each. */
+async function* parsed(body) {
+  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done) return;
+    const blocks = (text + value).split(/\r?\n\r?\n/);
+    text = blocks.pop();
+    for (const block of blocks) {
+      const fields = {};
+      for (const line of block.split(/\r?\n/)) {
+        const [, name, content] = /^(\w*): ?(.*)$/.exec(line) ?? [];
+        if (name) fields[name] = name === "data" && "data" in fields ? `${fields.data}\n${content}` : content;
+      }
+      if ("data" in fields) yield fields;
+    }
+  }
+}
+
+function askForKey(refused) {
+  const dialog = document.createElement("dialog");
+  dialog.className = "card key";
+  dialog.innerHTML = `
+    <form method="dialog">
+      <h2>API key</h2>
+      <p class="error" role="alert" hidden>This key is not accepted.</p>
+      <label for="key">The service asks for a key. This tab keeps it until it is closed.</label>
+      <input id="key" type="password" autocomplete="off" pattern="[!-~]+" required />
+      <button type="submit" class="primary">Go on</button>
+    </form>`;
+  dialog.querySelector(".error").hidden = !refused;
+  dialog.addEventListener("cancel", (event) => event.preventDefault());
+  document.body.append(dialog);
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.querySelector("form").addEventListener("submit", () => {
+      sessionStorage.setItem(STORED, dialog.querySelector("input").value.trim());
+      dialog.remove();
+      resolve();
+    });
+  });
+}
