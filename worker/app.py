@@ -79,8 +79,8 @@ app = create_celery(get_settings())
 def _begin(sender: Any, **_: Any) -> None:
     """Trace from now on, and load the engine before the pool is forked: its processes share it.
 
-    One that died is then soon back. Only the workers that run jobs do so: on a new machine kernels are compiled
-    here, best by one at a time.
+    One that died is then soon back. Only the workers that run jobs do so: on a new machine kernels are
+    compiled here, best by one at a time.
     """
     tracing.start("gcvec-worker")
     if JOBS_QUEUE in sender.app.amqp.queues.consume_from:
