@@ -34,9 +34,9 @@ pytestmark = [pytest.mark.service, pytest.mark.slow]
 REQUESTS = 10_000
 CASES = 50
 """Generated for each operation, half of them valid and half not; each is asked of several jobs."""
-OFTEN = {"POST /v1/jobs": 300, "POST /v1/jobs/{job_id}/edits": 100, "GET /v1/jobs": 200}
+OFTEN = {"POST /v1/jobs": 250, "POST /v1/jobs/{job_id}/edits": 100, "GET /v1/jobs": 60}
 
-EDITS = 20
+EDITS = 8
 """So many edits are made; after that a job is asked for them that has no result."""
 UNFINISHED = ("queued", "running")
 
