@@ -77,10 +77,9 @@ app = create_celery(get_settings())
 
 @signals.worker_init.connect
 def _begin(sender: Any, **_: Any) -> None:
-    """Trace from now on, and load the engine before the pool is forked: its processes share it.
+    """Load the engine before the pool is forked: its processes share it, and one that died is soon back.
 
-    One that died is then soon back. Only the workers that run jobs do so: on a new machine kernels are
-    compiled here, best by one at a time.
+    Only the workers that run jobs load it: on a new machine kernels are compiled here, best by one at a time.
     """
     tracing.start("gcvec-worker")
     if JOBS_QUEUE in sender.app.amqp.queues.consume_from:
