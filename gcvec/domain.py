@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FINEST_LEVEL = 8
+"""At this level a polygon goes through all samples of its curve: S moves none of them."""
 
 
 def polygon_vertices(network: Network) -> NDArray[np.bool_]:
@@ -29,7 +30,8 @@ def polygon_vertices(network: Network) -> NDArray[np.bool_]:
     Douglas-Peucker to the tolerance of each curve's level; a closed curve has at least three edges.
     """
     sampling = network.sampling
-    tolerance = 0.5 ** np.array([c.level for c in network.curves], np.float64)
+    level = np.array([c.level for c in network.curves])
+    tolerance = np.where(level < FINEST_LEVEL, 0.5**level, 0.0)
     fewest = np.where(network.family.closed, 3, 1)
     return np.asarray(_douglas_peucker(sampling.points, sampling.starts, fewest, tolerance))
 

@@ -57,6 +57,12 @@ LOSS = 1.15
 LANDING = 0.15
 """After the exchanges no more than this share of the points is taken out to land on the target."""
 
+LEAST_SPARE = 0.01
+"""It takes a round, which fewer points are not worth."""
+
+LEAST_CHANGE = 0.99
+"""A round that neither adds points nor brings the error below this share of what it was is the last."""
+
 LEAST_AIM = 0.5
 """The aim is at least this share of the target."""
 
@@ -108,7 +114,9 @@ def refine_batch(
     more = state.grow_until(NEAR, plan.growth, plan.turnover)
     for share in plan.exchanges:
         state.turn_over(share, plan.growth)
-    state.turn_over(min(LANDING, state.spare), 0.0)
+    state.settle()
+    if state.spare > LEAST_SPARE:
+        state.turn_over(min(LANDING, state.spare), 0.0)
     for _ in range(RETRIES):
         state.settle()
         with clock.stage("encode"):
@@ -117,7 +125,8 @@ def refine_batch(
         if mse <= target_mse or not more:
             break
         state.learn(mse)
-        more = state.grow_until(1.0, plan.growth, 0.0)
+        more = state.grow_until(NEAR, plan.growth, 0.0)
+        state.turn_over(0.0, plan.growth)
     return data, image
 
 
@@ -213,7 +222,7 @@ class Refinement:
         while self.mse > nearness * self.aim:
             n, before = len(self.points), self.mse
             self.turn_over(turnover, growth)
-            if len(self.points) <= n:
+            if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
                 return False
             helped = np.log(before / max(self.mse, 1e-9)) >= LEAST_RETURN * np.log(
                 len(self.points) / max(n, 1)
@@ -235,14 +244,14 @@ class Refinement:
             gain, where = best_insertions(self._coverage, self._residual)
             missing = self.mse * (1 + RISE * share) - aim
             fall = FALL * self._to_mse(np.cumsum(np.sort(gain)[::-1]))
-            wanted = int(EAGER * np.searchsorted(fall, missing)) + 1 if missing > 0.01 * aim else 0
+            wanted = max(EAGER * np.searchsorted(fall, missing), missing / aim * n / 2)
             new = choose_points(
                 self.canvas,
                 self._drawing.patch,
                 gain,
                 where,
                 self._blocked,
-                min(wanted, int(growth * n + FIRST_POINTS * len(self._truth)) + 1),
+                int(min(wanted, growth * n + FIRST_POINTS * len(self._truth))) + 1 if missing > 0 else 0,
                 self._max_points,
                 finished,
                 kept,
