@@ -20,8 +20,9 @@ from gcvec.spline_family import SplineFamily
 
 Floats = NDArray[np.float64]
 
-DISTANCE = 0.4
-"""Largest distance of a curve from the mid-points of the cracks it follows, pixels."""
+DISTANCE, SOFT_DISTANCE = 0.45, 0.6
+"""Largest distances of a curve from samples of its border that the photo shows, and from those it does not,
+pixels."""
 
 SEGMENT_LENGTH = 24.0
 """No segment of a curve is longer than this, pixels: the colours along it share its knots."""
@@ -104,28 +105,28 @@ class Network:
         return changed
 
 
-def boundary_network(borders: Borders, distances: Sequence[float] | None = None) -> Network:
-    """Fit the borders of a picture with B-splines.
-
-    `distances` is the distance allowed to each curve; at 0 the border is the curve's control polygon.
-    """
-    distances = distances or [DISTANCE] * len(borders.borders)
-    curves = tuple(
-        Curve(_fitted(border, distance), border.left, border.right, border.start, border.end)
-        for border, distance in zip(borders.borders, distances, strict=True)
-    )
+def boundary_network(borders: Borders) -> Network:
+    """Fit the borders of a picture with B-splines."""
+    curves = tuple(fitted_curve(border) for border in borders.borders)
     return Network(borders.width, borders.height, len(borders.nodes), curves, borders.loops)
 
 
-def _fitted(border: Border, distance: float) -> Floats:
+def fitted_curve(border: Border, closeness: float = 1.0) -> Curve:
+    """The curve of one border, so many times closer to it than usual; at infinity the samples are its control
+    points."""
+    return Curve(_fitted(border, closeness), border.left, border.right, border.start, border.end)
+
+
+def _fitted(border: Border, closeness: float) -> Floats:
     samples = border.samples
     length = float(np.hypot(*np.diff(samples, axis=0).T).sum())
     segments = max(1, int(np.ceil(length / SEGMENT_LENGTH)))
     if border.on_frame:
         return straight_line(samples[0], samples[-1], segments)
-    if distance == 0:
+    if closeness == np.inf:
         return _padded(samples[:-1], 3) if border.closed else _padded(samples, 4)
-    return bspline.fit_within(samples, distance, segments, border.closed)
+    distances = (SOFT_DISTANCE + (DISTANCE - SOFT_DISTANCE) * border.trust) / closeness
+    return bspline.fit_within(samples, distances, segments, border.closed)
 
 
 def _padded(points: Floats, fewest: int) -> Floats:

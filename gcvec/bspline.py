@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+RUN = 4
+"""Samples either way over which a curve's deviation from them is averaged."""
+
+SHARE = 0.25
+"""That mean may be so much of what a single sample may be off."""
+
 
 @njit(cache=True, nogil=True)
 def _knot(i: int, m: int, closed: bool) -> float:
@@ -95,9 +101,9 @@ def _chord_length(samples, m):
 
 
 @njit(cache=True, nogil=True)
-def _lspia(samples, index, weight, control, n_fixed_ends, iterations, tolerance):
+def _lspia(samples, importance, index, weight, control, n_fixed_ends, iterations, tolerance):
     """LSPIA sweeps in place: each control point moves by the weighted mean of its samples' residuals, eq.
-    (4), (5).
+    (4), (5), where a sample counts by its importance too.
 
     Stops early once no control point moves by more than `tolerance`. The column sums of the basis bound the
     step, which is
@@ -107,7 +113,7 @@ def _lspia(samples, index, weight, control, n_fixed_ends, iterations, tolerance)
     mass = np.zeros(n_control)
     for j in range(len(samples)):
         for k in range(4):
-            mass[index[j, k]] += weight[j, k]
+            mass[index[j, k]] += importance[j] * weight[j, k]
     shift = np.empty((n_control, d))
     residual = np.empty(d)
     for _ in range(iterations):
@@ -119,7 +125,7 @@ def _lspia(samples, index, weight, control, n_fixed_ends, iterations, tolerance)
                     residual[c] -= weight[j, k] * control[index[j, k], c]
             for k in range(4):
                 for c in range(d):
-                    shift[index[j, k], c] += weight[j, k] * residual[c]
+                    shift[index[j, k], c] += importance[j] * weight[j, k] * residual[c]
         largest = 0.0
         for i in range(n_fixed_ends, n_control - n_fixed_ends):
             if mass[i] > 0:
@@ -149,29 +155,34 @@ def _initial_polygon(samples: Floats, u: Floats, m: int, closed: bool) -> Floats
 
 
 @njit(cache=True, nogil=True)
-def _fit(samples, m, closed, iterations, tolerance):
+def _fit(samples, distances, m, closed, iterations, tolerance):
+    """Control points, and the largest deviation as a share of what is allowed there: the distance from one
+    sample, or the mean over a run of samples, of which less is allowed because noise has no part in it."""
     u = _chord_length(samples, float(m))
     control = _initial_polygon(samples, u, m, closed)
     index, weight = _basis(u, m, closed)
-    _lspia(samples, index, weight, control, 0 if closed else 1, iterations, tolerance)
+    importance = distances.min() ** 2 / distances**2
+    _lspia(samples, importance, index, weight, control, 0 if closed else 1, iterations, tolerance)
     if not closed:
         control[0] = samples[0]
         control[-1] = samples[-1]
     deviation = 0.0
-    points = _evaluate(control, index, weight)
+    residual = _evaluate(control, index, weight) - samples
     for j in range(len(samples)):
-        square = 0.0
+        first, end = max(j - RUN, 0), min(j + RUN + 1, len(samples))
+        single, mean = 0.0, 0.0
         for c in range(samples.shape[1]):
-            square += (points[j, c] - samples[j, c]) ** 2
-        deviation = max(deviation, square)
+            single += residual[j, c] ** 2
+            mean += residual[first:end, c].mean() ** 2
+        deviation = max(deviation, max(single, mean / SHARE**2) / distances[j] ** 2)
     return control, np.sqrt(deviation)
 
 
 @njit(cache=True, nogil=True)
-def _fit_within(samples, m, largest_m, closed, distance):
+def _fit_within(samples, distances, m, largest_m, closed):
     while True:
-        control, deviation = _fit(samples, m, closed, 40, 1e-3)
-        if deviation <= distance or m >= largest_m:
+        control, deviation = _fit(samples, distances, m, closed, 40, 1e-3)
+        if deviation <= 1 or m >= largest_m:
             return control
         m = min(max(m + 1, (5 * m) // 4), largest_m)
 
@@ -182,20 +193,23 @@ def fit(samples: Floats, segments: int, closed: bool = False, iterations: int = 
     `samples` is `(n, d)` in order, chord-length parametrised; an open curve interpolates its first and last
     sample, a closed one expects the first sample repeated at the end.
     """
-    control, _ = _fit(np.ascontiguousarray(samples, np.float64), segments, closed, iterations, 1e-12)
+    exact = np.ascontiguousarray(samples, np.float64)
+    control, _ = _fit(exact, np.ones(len(exact)), segments, closed, iterations, 1e-12)
     return np.asarray(control)
 
 
-def fit_within(samples: Floats, distance: float, segments: int = 1, closed: bool = False) -> Floats:
-    """Control points of a curve with few segments, at least `segments`, that stays within `distance` of
-    every sample.
+def fit_within(samples: Floats, distances: Floats | float, segments: int = 1, closed: bool = False) -> Floats:
+    """Control points of a curve with few segments, at least `segments`, that stays within `distances` of the
+    samples: one for all of them, or `(n,)`, one for each, by whose inverse squares samples count.
 
     Where even a curve with as many segments as samples does not come that close, that curve is returned.
     """
     fewest = 3 if closed else 1
     most = max(len(samples) - 1, fewest)
     start = min(max(segments, fewest), most)
-    return np.asarray(_fit_within(np.ascontiguousarray(samples, np.float64), start, most, closed, distance))
+    exact = np.ascontiguousarray(samples, np.float64)
+    allowed = np.ascontiguousarray(np.broadcast_to(distances, len(exact)), np.float64)
+    return np.asarray(_fit_within(exact, allowed, start, most, closed))
 
 
 @njit(cache=True, nogil=True)

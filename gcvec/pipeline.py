@@ -66,7 +66,7 @@ def vectorize(
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
         found = borders(planar_graph(regions.labels), width, height)
-        network = fitted_network(found, localized(found, picture, _reach(annotations, options)), steps.grid)
+        network = fitted_network(*localized(found, picture, _reach(annotations, options)), steps.grid)
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
     tell.stage("mesh", 0.1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcvec.boundary import Curve, Network, straight_line
+from gcvec.boundary import Curve, straight_line
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,9 @@ class Quantization:
         return self.point_step / 1020
 
 
-def rounded_network(network: Network, grid: float) -> Network:
-    """The network with control points on the grid of the file: what a decoder will see, so that the fit can
-    count on it."""
-    return replace(network, curves=tuple(_rounded(c, grid) for c in network.curves))
-
-
-def _rounded(curve: Curve, grid: float) -> Curve:
+def rounded_curve(curve: Curve, grid: float) -> Curve:
+    """The curve with control points on the grid of the file, as a decoder will see it, so that the fit can
+    count on it; on the frame it stays a straight line."""
     control = np.round(curve.control_points / grid) * grid
     if curve.on_frame:
         control = straight_line(control[0], control[-1], curve.segments)
