@@ -145,8 +145,7 @@ def _read(coder: Coder, length: int) -> VectorImage:
     _code_points(coder, canvas, steps, points, boundary_colors, point_colors)
     _check_whole(coder)
     image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
-    image.__dict__.update(foundation=foundation, canvas=canvas)
-    return image
+    return image.knowing(canvas)
 
 
 def _check_whole(coder: Coder) -> None:

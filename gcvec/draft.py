@@ -37,12 +37,9 @@ class Draft:
             self.steps,
         )
         # A decoder lays the same foundation and canvas again.
-        laid = {"foundation": foundation, "canvas": canvas}
-        image.__dict__.update(laid)
-        data, boundary_colors, point_colors = encode_rounded(image)
+        data, boundary_colors, point_colors = encode_rounded(image.knowing(canvas))
         image = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
-        image.__dict__.update(laid)
-        return data, image
+        return data, image.knowing(canvas, data)
 
 
 def by_rows(points: Ints) -> Ints:

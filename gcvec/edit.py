@@ -80,12 +80,6 @@ def mean_color(image: VectorImage, patch: int) -> Floats:
     return np.asarray(np.average(colors[corner_color].mean(axis=1), axis=0, weights=area))
 
 
-def _with_canvas(image: VectorImage, canvas: Canvas) -> VectorImage:
-    """The image with its canonical mesh known, so that it is not laid again."""
-    image.__dict__.update(foundation=canvas.foundation, canvas=canvas)
-    return image
-
-
 def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
     network, foundation = image.network, image.foundation
     control_points = foundation.control_points.copy()
@@ -108,7 +102,7 @@ def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
     canvas = replace(image.canvas, foundation=foundation, places=places)
     unmoved = np.array_equal(control_points, network.control_points)
     edited = replace(image, control_points=None if unmoved else control_points, report=None)
-    return _with_canvas(edited, canvas)
+    return edited.knowing(canvas)
 
 
 def _control_points_moved_by(network: Network, foundation: Foundation, move: Move) -> Ints:
@@ -175,7 +169,7 @@ def _recolored(image: VectorImage, recolor: Recolor) -> VectorImage:
     boundary_colors[own_boundary] = np.clip(boundary_colors[own_boundary] + shift, 0, 1)
     point_colors[own_points] = np.clip(point_colors[own_points] + shift, 0, 1)
     edited = replace(image, boundary_colors=boundary_colors, point_colors=point_colors, report=None)
-    return _with_canvas(edited, image.canvas)
+    return edited.knowing(image.canvas)
 
 
 def _with_hard_border(image: VectorImage, patch: int) -> VectorImage:
@@ -188,7 +182,7 @@ def _with_hard_border(image: VectorImage, patch: int) -> VectorImage:
     foundation = replace(image.foundation, hard=hard, space=space)
     boundary_colors = _renumbered(image.boundary_colors, image.foundation.space, space)
     edited = replace(image, hard=hard, boundary_colors=boundary_colors)
-    return _with_canvas(edited, replace(image.canvas, foundation=foundation))
+    return edited.knowing(replace(image.canvas, foundation=foundation))
 
 
 def _renumbered(colors: Floats, old: ColorSpace, new: ColorSpace) -> Floats:

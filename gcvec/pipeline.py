@@ -89,7 +89,7 @@ def vectorize(
     report = replace(report, strategy=options.strategy, seconds=seconds, regions=patches)
     result = replace(image, warnings=(*regions.warnings, *_shortfall(report, options)), report=report)
     tell.done(report.points, report.mse)
-    return result
+    return result.knowing(image.canvas, data)
 
 
 def _regions(

@@ -117,11 +117,22 @@ class VectorImage:
         picture = paint(vertices * stretch, triangles, colors, corner_color, width, height)
         return to_8_bit(picture)
 
-    def to_bytes(self) -> bytes:
-        """The `.gcv` file."""
+    @cached_property
+    def _file(self) -> bytes:
         from gcvec.codec import encode
 
         return encode(self)
+
+    def to_bytes(self) -> bytes:
+        """The `.gcv` file."""
+        return self._file
+
+    def knowing(self, canvas: Canvas, file: bytes | None = None) -> VectorImage:
+        """This image with its canonical mesh, and its file, already known: neither is made again."""
+        self.__dict__.update(foundation=canvas.foundation, canvas=canvas)
+        if file is not None:
+            self.__dict__["_file"] = file
+        return self
 
     @classmethod
     def from_bytes(cls, data: bytes) -> VectorImage:
