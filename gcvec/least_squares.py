@@ -116,7 +116,8 @@ def solve_bounded(
     """The minimiser of xᵀ N x / 2 - xᵀ r over [0, 1], as closely as conjugate gradients come.
 
     Unbounded first; while unknowns leave the box, a primal-dual active set method (Hintermüller, Ito and
-    Kunisch 2002) holds at their bounds those that the multipliers press there, in at most `sweeps` solves.
+    Kunisch 2002) holds at their bounds those that the multipliers press there, in at most `sweeps` solves,
+    which start so close that half the iterations will do.
     """
     x = solve(equations, start, iterations, tolerance)
     low, high = x < 0, x > 1
@@ -124,7 +125,8 @@ def solve_bounded(
         if not (low.any() or high.any()):
             break
         held = low | high
-        x = solve(equations, np.where(high, 1.0, np.where(low, 0.0, x)), iterations, tolerance, held)
+        at_bounds = np.where(high, 1.0, np.where(low, 0.0, x))
+        x = solve(equations, at_bounds, iterations // 2, tolerance, held)
         pressure = np.where(held, equations.right - equations.apply(x), 0.0)
         probe = x + pressure / equations.diagonal()[:, None]
         new_low, new_high = probe < 0, probe > 1

@@ -114,7 +114,7 @@ def refine_batch(
     more = state.grow_until(NEAR, plan.growth, plan.turnover)
     for share in plan.exchanges:
         state.turn_over(share, plan.growth)
-    state.settle()
+    state.converge()
     if state.spare > LEAST_SPARE:
         state.turn_over(min(LANDING, state.spare), 0.0)
     for _ in range(RETRIES):
@@ -294,6 +294,13 @@ class Refinement:
         square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
         return np.asarray(square <= self.aim * np.bincount(owner, minlength=n))
 
+    def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
+        """Bring the colours closer to the best ones for these control points."""
+        with self._clock.stage("optimization"):
+            equations = self._fit.equations(*self._pull())
+            self.colors = np.clip(solve(equations, self.colors, iterations, 1e-4), 0, 1)
+            self._measure()
+
     def settle(self) -> None:
         """The last fit: to convergence, and with every colour in [0, 1]."""
         with self._clock.stage("optimization"):
@@ -345,9 +352,7 @@ class Refinement:
         with self._clock.stage("optimization"):
             self._fit: ColorFit = color_fit(self.canvas, self._coverage, self._truth)
             self._energy: Floats = energies(self._fit.to_pixels)
-            equations = self._fit.equations(*self._pull())
-            self.colors = np.clip(solve(equations, self.colors, ROUND_ITERATIONS, 1e-4), 0, 1)
-            self._measure()
+        self.converge(ROUND_ITERATIONS)
         self._iteration += 1
         square = (self._residual**2).sum(axis=1)
         by_region = np.bincount(self.foundation.geometry.patch_at().ravel(), square)
