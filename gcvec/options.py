@@ -25,7 +25,8 @@ class Options:
     number of threads, 0 for one a core; `regions` is the number of automatic regions wanted when there are no
     annotations, 0 lets the picture decide; `snap` is how many pixels the borders of annotated regions may
     move onto the picture's edges, 0 keeps them where they were drawn, to half a pixel; `effort`, 1 to 9,
-    trades time for fewer control points with the strategy "batch".
+    trades time for fewer control points with the strategy "batch"; `target_bytes`, if not 0, is the size that
+    the file must not exceed: the error is then as small as that allows, whatever `target_mse` says.
     """
 
     strategy: Literal["batch", "paper"] = "batch"
@@ -35,6 +36,7 @@ class Options:
     regions: int = 0
     snap: float = 2.5
     effort: int = 5
+    target_bytes: int = 0
 
     def __post_init__(self) -> None:
         if self.strategy not in ("batch", "paper"):
@@ -61,6 +63,6 @@ class Options:
                 code="bad-option",
                 pointer="effort",
             )
-        for name in ("max_points", "workers", "regions"):
+        for name in ("max_points", "workers", "regions", "target_bytes"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} must not be negative", code="bad-option", pointer=name)

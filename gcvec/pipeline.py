@@ -24,6 +24,7 @@ from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
 from gcvec.refine import Step, refine_batch
+from gcvec.refine_bytes import refine_to_bytes
 from gcvec.refine_paper import refine_paper
 from gcvec.segment import segment
 from gcvec.snap import snap_borders
@@ -56,7 +57,6 @@ def vectorize(
     clock = StageClock()
     height, width = pixels.shape[:2]
     picture = pixels / 255.0
-    steps = Quantization.for_error(options.target_mse)
     tell = _Teller(on_progress, options.target_mse)
 
     tell.stage("regions", 0.01)
@@ -66,7 +66,7 @@ def vectorize(
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
         found = borders(planar_graph(regions.labels), width, height)
-        network = fitted_network(*localized(found, picture, _reach(annotations, options)), steps.grid)
+        network = fitted_network(*localized(found, picture, _reach(annotations, options)))
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
     tell.stage("mesh", 0.1)
@@ -76,12 +76,18 @@ def vectorize(
         boundary_colors = fit_boundary_colors(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
-    draft = Draft(regions.names, steps)
-    job = (foundation, boundary_colors, pixels, draft, options.target_mse, options.max_points)
-    if options.strategy == "paper":
-        data, image = refine_paper(*job, tell.iteration, clock)
+
+    def refined(target_mse: float) -> tuple[bytes, VectorImage]:
+        draft = Draft(regions.names, Quantization.for_error(target_mse))
+        job = (foundation, boundary_colors, pixels, draft, target_mse, options.max_points)
+        if options.strategy == "paper":
+            return refine_paper(*job, tell.iteration, clock)
+        return refine_batch(*job, options.effort, tell.iteration, clock)
+
+    if options.target_bytes:
+        data, image = refine_to_bytes(refined, options.target_bytes)
     else:
-        data, image = refine_batch(*job, options.effort, tell.iteration, clock)
+        data, image = refined(options.target_mse)
     with clock.stage("evaluation"):
         report = compare(pixels, image, len(data))
     seconds = {**clock.seconds, "total": time.perf_counter() - start}
@@ -110,7 +116,7 @@ def _reach(annotations: Annotations | None, options: Options) -> float:
 def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
     """In one line, by how much the picture misses its target and why; nothing where it does not."""
     mse = report.mse_raw if options.strategy == "paper" else report.mse
-    if mse <= options.target_mse:
+    if mse <= options.target_mse or options.target_bytes:
         return ()
     bound = options.max_points
     full = [r for r in report.regions if bound and r.points >= FULL * bound and r.mse > options.target_mse]

@@ -25,3 +25,7 @@ MaxPoints = Annotated[int, Option(help="Most interior control points of one regi
 Effort = Annotated[
     int, Option(metavar="1..9", help="Time to spend on fewer control points; batch strategy only.")
 ]
+TargetBytes = Annotated[
+    int,
+    Option(metavar="N", help="Largest file; the error is as small as it allows. 0: --target-mse decides."),
+]

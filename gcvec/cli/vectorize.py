@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from gcvec.cli._files import about, load_picture, require_folder, warn, write
-from gcvec.cli._options import WHITE, Effort, Matte, MaxPoints, Regions, Snap, Strategy, TargetMse
+from gcvec.cli._options import (
+    WHITE,
+    Effort,
+    Matte,
+    MaxPoints,
+    Regions,
+    Snap,
+    Strategy,
+    TargetBytes,
+    TargetMse,
+)
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 
@@ -44,6 +54,7 @@ def vectorize(
     regions: Regions = Options.regions,
     snap: Snap = Options.snap,
     effort: Effort = Options.effort,
+    target_bytes: TargetBytes = Options.target_bytes,
     strategy: Strategy = Options.strategy,
     target_mse: TargetMse = Options.target_mse,
     max_points: MaxPoints = Options.max_points,
@@ -65,6 +76,7 @@ def vectorize(
         regions=regions,
         snap=snap,
         effort=effort,
+        target_bytes=target_bytes,
     )
     require_folder(output, report, preview)
     picture = load_picture(image, matte)

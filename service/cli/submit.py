@@ -9,7 +9,7 @@ from typing import Annotated
 from httpx import HTTPError
 from typer import Argument, Option
 
-from gcvec.cli._options import Effort, MaxPoints, Regions, Snap, Strategy, TargetMse
+from gcvec.cli._options import Effort, MaxPoints, Regions, Snap, Strategy, TargetBytes, TargetMse
 from gcvec.cli._progress import progress_bar
 from gcvec.options import Options
 from service.client import Client, problem_error
@@ -36,6 +36,7 @@ def submit(
     regions: Regions = Options.regions,
     snap: Snap = Options.snap,
     effort: Effort = Options.effort,
+    target_bytes: TargetBytes = Options.target_bytes,
     strategy: Strategy = Options.strategy,
     target_mse: TargetMse = Options.target_mse,
     max_points: MaxPoints = Options.max_points,
@@ -53,6 +54,7 @@ def submit(
         "regions": regions,
         "snap": snap,
         "effort": effort,
+        "target_bytes": target_bytes,
         "strategy": strategy,
         "target_mse": target_mse,
         "max_points": max_points,

@@ -40,6 +40,10 @@ class JobOptions(BaseModel):
         Options.snap, description="pixels that annotated borders may move onto edges; 0: kept as drawn"
     )
     effort: int = Field(Options.effort, description="1 to 9: time to spend on fewer control points")
+    target_bytes: int = Field(
+        Options.target_bytes,
+        description="largest file; the error is as small as it allows; 0: target_mse decides",
+    )
     image_name: Name | None = Field(
         None, description="the picture's name in an annotation file of several; default: its file name"
     )
