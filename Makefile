@@ -15,7 +15,7 @@ demo: $(STAMP) ## run the whole service on the sample photo; writes demo-out/
 	$(BIN)/python -m examples.demo
 
 test: $(STAMP) ## run every test
-	$(BIN)/pytest --numprocesses 2 --dist loadgroup
+	$(BIN)/pytest --numprocesses 2 --dist loadfile
 
 check: $(STAMP) ## format, lint, types, openapi in step
 	$(BIN)/ruff format --check .

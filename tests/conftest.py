@@ -21,17 +21,6 @@ from worker.process import die_with
 from worker.records import connect
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Where several processes share the tests, each file stays in one of them.
-
-    Tests that start whole fleets of servers take turns: what they wait for must not depend on each other.
-    """
-    for item in items:
-        group = "fleets" if item.path.parent.name in ("faults", "e2e") else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
-
-
 @dataclass
 class RunningService:
     """A `gcvec serve` that answers at `url`."""
