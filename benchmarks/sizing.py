@@ -14,28 +14,23 @@ import subprocess
 import sys
 import time
 from dataclasses import asdict
-from typing import Any
 
-import numpy as np
 from PIL import Image
-from skimage import data
 
+from benchmarks.pictures import picture
 from gcvec import Options
 from worker.produce import produce
 from worker.settings import Settings
 from worker.warmup import warm_up
 
-PICTURES: dict[str, Any] = {"astronaut": data.astronaut, "coffee": data.coffee}
+PICTURES = ("astronaut", "coffee")
 MEGAPIXELS = (0.1, 0.25, 0.5, 1.0)
 
 
 def photo(name: str, megapixels: float) -> bytes:
     """A PNG of about so many million pixels."""
-    image = Image.fromarray(np.asarray(PICTURES[name]()))
-    scale = (1e6 * megapixels / (image.width * image.height)) ** 0.5
-    size = round(image.width * scale), round(image.height * scale)
     buffer = io.BytesIO()
-    image.resize(size, Image.Resampling.LANCZOS).save(buffer, "PNG")
+    Image.fromarray(picture(name, megapixels)).save(buffer, "PNG")
     return buffer.getvalue()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec import bspline
-from gcvec.borders import Border, Borders, Loop
+from gcvec.borders import Border, Loop
 from gcvec.planar_graph import OUTSIDE
 from gcvec.sampling import Sampling, sampling
 from gcvec.spline_family import SplineFamily
@@ -103,12 +103,6 @@ class Network:
         for shared in ("family", "control_points", "sides", "sampling"):
             changed.__dict__[shared] = getattr(self, shared)
         return changed
-
-
-def boundary_network(borders: Borders) -> Network:
-    """Fit the borders of a picture with B-splines."""
-    curves = tuple(fitted_curve(border) for border in borders.borders)
-    return Network(borders.width, borders.height, len(borders.nodes), curves, borders.loops)
 
 
 def fitted_curve(border: Border, closeness: float = 1.0) -> Curve:

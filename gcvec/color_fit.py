@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.canonical import Canvas
-from gcvec.least_squares import NormalEquations
+from gcvec.least_squares import NormalEquations, energies
 from gcvec.raster import Coverage
 
 Floats = NDArray[np.float64]
@@ -24,6 +25,11 @@ class ColorFit:
     corner_color: Ints
     to_pixels: sparse.csr_array
     target: Floats
+
+    @cached_property
+    def energy(self) -> Floats:
+        """Squared sum over the pixels of what each colour on the mesh gives to them."""
+        return energies(self.to_pixels)
 
     def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
         """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -39,6 +40,7 @@ class NormalEquations:
         back: Floats = self.operator.T @ sum(shares)
         return back + self.pull[:, None] * x
 
+    @cached_property
     def diagonal(self) -> Floats:
         """Diagonal of N, but for the terms of BᵀB off its own diagonal: the preconditioner."""
         squares = self.operator.copy()
@@ -84,7 +86,7 @@ def solve(
     side.
     Unknowns where `fixed` `(n, 3)` is set keep their start values.
     """
-    scale = 1 / equations.diagonal()[:, None]
+    scale = 1 / equations.diagonal[:, None]
     moving = 1.0 if fixed is None else (~fixed).astype(np.float64)
     x = start.copy()
     residual = moving * (equations.right - equations.apply(x))
@@ -128,7 +130,7 @@ def solve_bounded(
         at_bounds = np.where(high, 1.0, np.where(low, 0.0, x))
         x = solve(equations, at_bounds, iterations // 2, tolerance, held)
         pressure = np.where(held, equations.right - equations.apply(x), 0.0)
-        probe = x + pressure / equations.diagonal()[:, None]
+        probe = x + pressure / equations.diagonal[:, None]
         new_low, new_high = probe < 0, probe > 1
         if np.array_equal(low, new_low) and np.array_equal(high, new_high):
             break

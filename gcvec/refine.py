@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from gcvec.canonical import Foundation, lay_unfolded_canvas
 from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import Draft, by_rows, measured_mse
-from gcvec.drawing import Drawing
-from gcvec.least_squares import energies, solve, solve_bounded
+from gcvec.least_squares import solve, solve_bounded
 from gcvec.quantization import Quantization
 from gcvec.raster import Coverage
 from gcvec.seeding import seeds
@@ -117,12 +116,12 @@ def refine_batch(
     state.converge()
     if state.spare > LEAST_SPARE:
         state.turn_over(min(LANDING, state.spare), 0.0)
-    for _ in range(RETRIES):
+    for retries in reversed(range(RETRIES)):
         state.settle()
         with clock.stage("encode"):
             data, image = draft.file(state.canvas, state.points, state.colors)
             mse = measured_mse(image, pixels)
-        if mse <= target_mse or not more:
+        if mse <= target_mse or not more or not retries:
             break
         state.learn(mse)
         more = state.grow_until(NEAR, plan.growth, 0.0)
@@ -201,7 +200,7 @@ class Refinement:
         Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
         picture as the colour has energy there.
         """
-        loss = 1 / 12 + self._loss * float(self._energy.sum())
+        loss = 1 / 12 + self._loss * float(self._fit.energy.sum())
         return self._margin * max(self._target_mse - loss, LEAST_AIM * self._target_mse)
 
     @property
@@ -247,7 +246,7 @@ class Refinement:
             wanted = max(EAGER * np.searchsorted(fall, missing), missing / aim * n / 2)
             new = choose_points(
                 self.canvas,
-                self._drawing.patch,
+                self.canvas.unit[0].patch,
                 gain,
                 where,
                 self._blocked,
@@ -264,12 +263,15 @@ class Refinement:
 
         Regions that are `finished` would get no others, so they keep theirs.
         """
+        if not fewer:
+            return np.ones(len(self.points), bool)
+        drawing = self.canvas.unit[0]
         use = usefulness(
-            self._drawing.image,
-            self._drawing.triangles,
+            drawing.image,
+            drawing.triangles,
             self._fit.operator @ self.colors,
             self._fit.corner_color,
-            self._energy[: len(self.points)],
+            self._fit.energy[: len(self.points)],
         )
         use[finished[self.canvas.patch_of_points()]] = np.inf
         least = np.argsort(use)[:fewer]
@@ -347,11 +349,9 @@ class Refinement:
             fresh = slice(0) if new is None else new[kept]
             grown = frozenset(self.canvas.patch_of_points()[fresh].tolist())
         with self._clock.stage("evaluation"):
-            self._drawing: Drawing = self.canvas.unit[0]
-            self._coverage: Coverage = self.canvas.coverage(self._drawing)
+            self._coverage: Coverage = self.canvas.coverage(self.canvas.unit[0])
         with self._clock.stage("optimization"):
             self._fit: ColorFit = color_fit(self.canvas, self._coverage, self._truth)
-            self._energy: Floats = energies(self._fit.to_pixels)
         self.converge(ROUND_ITERATIONS)
         self._iteration += 1
         square = (self._residual**2).sum(axis=1)

@@ -23,6 +23,7 @@ from PIL import Image
 
 from service.broker import private_broker, wait_until_ready
 from service.server import KEEP_ALIVE_SECONDS
+from tests.event_stream import events_of
 from worker.app import QUEUES
 from worker.process import die_with
 from worker.records import Job, JobRecords, connect
@@ -225,15 +226,9 @@ class Api:
         headers = {"Last-Event-ID": str(after)}
         try:
             with self.http.stream("GET", f"/v1/jobs/{job_id}/events", headers=headers) as answer:
-                fields: dict[str, str] = {}
-                for line in answer.iter_lines():
-                    name, _, value = line.partition(": ")
-                    if name:
-                        fields[name] = value
-                    else:
-                        if "id" in fields:
-                            yield int(fields["id"]), fields["event"]
-                        fields = {}
+                for event in events_of(answer):
+                    if "id" in event:
+                        yield int(event["id"]), event["event"]
         except httpx.TransportError:
             return
 

@@ -7,7 +7,6 @@ import os
 import re
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import ThreadingHTTPServer
@@ -24,6 +23,7 @@ from gcvec import VectorImage
 from tests.browser import Browser
 from tests.client.test_gcvec_js import STATIC, Quiet
 from tests.conftest import RunningService
+from tests.servers import in_background
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 ADDRESS = "http://127.0.0.1:8000"
@@ -124,12 +124,8 @@ def site(commands: Path, tmp_path: Path) -> Iterator[str]:
     head = '<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,"><style>body{margin:0}</style>'
     (tmp_path / "site" / "page.html").write_text(head + html)
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path / "site")))
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}/page.html"
-    server.shutdown()
-    thread.join()
-    server.server_close()
+    with in_background(server):
+        yield f"http://127.0.0.1:{server.server_port}/page.html"
 
 
 @pytest.mark.browser

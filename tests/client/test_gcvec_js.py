@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
 from base64 import b64decode
 from collections.abc import Iterator
 from functools import partial
@@ -19,6 +18,7 @@ from PIL import Image
 from gcvec import VectorImage, bspline
 from tests.browser import Browser, Page
 from tests.pictures import HEIGHT, WIDTH, drawing, photo
+from tests.servers import in_background
 
 pytestmark = pytest.mark.browser
 
@@ -56,12 +56,8 @@ def site(image: VectorImage, tmp_path: Path) -> Iterator[str]:
     for name, options in (("webgl.html", "{}"), ("software.html", "{ software: true }")):
         (folder / name).write_text(PAGE.replace("OPTIONS", options))
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    thread.join()
-    server.server_close()
+    with in_background(server):
+        yield f"http://127.0.0.1:{server.server_port}"
 
 
 def open_page(page: Page, site: str, name: str) -> None:

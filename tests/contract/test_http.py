@@ -31,6 +31,7 @@ from tests.contract.conftest import (
     problem,
     submitted,
 )
+from tests.event_stream import events_of
 from tests.fleet import ENDLESS
 
 pytestmark = pytest.mark.service
@@ -75,18 +76,9 @@ def running(api: httpx.Client, job: dict[str, Any]) -> dict[str, Any]:
 def events(api: httpx.Client, link: str, after: int | None = None) -> list[dict[str, Any]]:
     """The events of a stream that ends."""
     headers = {} if after is None else {"Last-Event-ID": str(after)}
-    found = []
     with api.stream("GET", link, headers=headers) as answer:
         assert answer.headers["content-type"].startswith("text/event-stream")
-        event: dict[str, Any] = {}
-        for line in answer.iter_lines():
-            name, _, value = line.partition(": ")
-            if name:
-                event[name] = json.loads(value) if name == "data" else value
-            elif event:
-                found.append(event)
-                event = {}
-    return [event for event in found if "data" in event]
+        return [event for event in events_of(answer) if "data" in event]
 
 
 @pytest.mark.contract("3: POST /v1/jobs")

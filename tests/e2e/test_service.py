@@ -20,6 +20,7 @@ from PIL import Image
 
 from gcvec import VectorImage
 from tests.conftest import RunningService
+from tests.event_stream import events_of
 from worker.artifacts import EXPORTS, KINDS
 
 pytestmark = pytest.mark.service
@@ -66,14 +67,7 @@ def submit(api: httpx.Client, photo: bytes, **options: Any) -> dict[str, Any]:
 
 def events(api: httpx.Client, job: dict[str, Any]) -> Iterator[dict[str, Any]]:
     with api.stream("GET", job["links"]["events"]) as answer:
-        event: dict[str, Any] = {}
-        for line in answer.iter_lines():
-            name, _, value = line.partition(": ")
-            if name:
-                event[name] = json.loads(value) if name == "data" else value
-            elif event:
-                yield event
-                event = {}
+        yield from events_of(answer)
 
 
 def test_a_photo_becomes_patches(api: httpx.Client, photo: bytes) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import threading
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import pytest
 
 from tests.fleet import SHORT, Fleet, within
+from tests.servers import in_background
 from worker import tracing
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
@@ -47,12 +47,9 @@ class _Handler(BaseHTTPRequestHandler):
 @pytest.fixture
 def collector() -> Iterator[Collector]:
     pytest.importorskip("opentelemetry.exporter.otlp.proto.http", reason="gcvec[otel] is not installed")
-    with Collector() as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
+    server = Collector()
+    with in_background(server):
         yield server
-        server.shutdown()
-        thread.join()
 
 
 def test_a_job_is_part_of_the_trace_that_submitted_it(

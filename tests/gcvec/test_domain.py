@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from gcvec import bspline
 from gcvec.borders import borders
-from gcvec.boundary import Curve, Network, boundary_network
+from gcvec.boundary import Curve, Network
 from gcvec.boundary_fit import fitted_network
 from gcvec.components import connected_components
 from gcvec.domain import (
@@ -151,7 +151,8 @@ def test_closed_curves_have_at_least_three_edges() -> None:
 
 def test_network_of_a_disc_shares_one_curve() -> None:
     labels = SCENES["ring"].labels
-    network = boundary_network(borders(planar_graph(labels), labels.shape[1], labels.shape[0]))
+    traced = borders(planar_graph(labels), labels.shape[1], labels.shape[0])
+    network = fitted_network(traced, traced)
     inner = [c for c in network.curves if not c.on_frame]
     assert len(inner) == 2
     assert all(c.closed for c in inner)

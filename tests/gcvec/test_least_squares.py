@@ -65,7 +65,7 @@ def test_diagonal_is_exact_where_the_gram_matrix_is_diagonal() -> None:
         sparse.csr_array(operator), sparse.diags_array(scale).tocsr(), rng.uniform(size=4), np.zeros((4, 3))
     )
     full = operator.T @ np.diag(scale**2) @ operator + np.diag(equations.pull)
-    np.testing.assert_allclose(equations.diagonal(), np.diag(full))
+    np.testing.assert_allclose(equations.diagonal, np.diag(full))
 
 
 def test_fixed_unknowns_keep_their_values() -> None:

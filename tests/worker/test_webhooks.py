@@ -7,13 +7,13 @@ import hashlib
 import hmac
 import json
 import socket
-import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any
 
 import pytest
 
+from tests.servers import in_background
 from worker.problems import problem
 from worker.records import Job
 from worker.webhooks import UnsafeTargetError, check_target, message, post, signed_headers
@@ -48,12 +48,9 @@ class _Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def receiver() -> Iterator[Receiver]:
-    with Receiver() as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
+    server = Receiver()
+    with in_background(server):
         yield server
-        server.shutdown()
-        thread.join()
 
 
 def signature_of(headers: dict[str, str], body: bytes) -> str:
