@@ -37,7 +37,7 @@ def main() -> dict[str, int]:
             [scene.pixels, regions(image), polygons(image), curves(image)],
             [bare.render(), points(image), image.render(), image.render(4)[cut]],
         ],
-        step=3,
+        step=4,
     )
     return {
         "patches": len(image.labels),

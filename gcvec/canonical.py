@@ -78,6 +78,20 @@ class Canvas:
         drawing = self.drawing()
         return drawing, *self.operator(drawing)
 
+    @cached_property
+    def corner_colors(self) -> Ints:
+        """Which of the colours of `unit` the corners `(t, 3)` of the mesh's own triangles have.
+
+        A drawing numbers those of the boundary samples first, by sample and patch.
+        """
+        mesh = self.mesh
+        corner = mesh.triangles - mesh.n_samples
+        boundary = corner < 0
+        patch = np.broadcast_to(mesh.patch[:, None], corner.shape)[boundary]
+        keys = mesh.triangles[boundary] * len(self.foundation.network.loops) + patch
+        corner[boundary] = len(mesh.vertices) - mesh.n_samples + np.unique(keys, return_inverse=True)[1]
+        return corner
+
     def coverage(self, drawing: Drawing) -> Coverage:
         network = self.foundation.network
         return Coverage(drawing.image, drawing.triangles, network.width, network.height)

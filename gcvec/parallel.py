@@ -6,10 +6,11 @@ Work is always cut into the same shares, whatever the number of threads, so resu
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+S = TypeVar("S")
 T = TypeVar("T")
 
 SHARES = 4
@@ -29,14 +30,18 @@ def use_workers(workers: int) -> None:
 
 def in_shares(work: Callable[[int, int], T], n: int) -> list[T]:
     """`work(first, last)` for consecutive shares of `range(n)`; the results in order."""
-    global _pool
     cuts = [n * k // SHARES for k in range(SHARES + 1)]
-    spans = list(zip(cuts[:-1], cuts[1:], strict=True))
-    if _workers < 2:
-        return [work(first, last) for first, last in spans]
+    return in_turn(lambda span: work(*span), list(zip(cuts[:-1], cuts[1:], strict=True)))
+
+
+def in_turn(work: Callable[[S], T], items: Sequence[S]) -> list[T]:
+    """`work(item)` for every one of some items; the results in order."""
+    global _pool
+    if _workers < 2 or len(items) < 2:
+        return [work(item) for item in items]
     if _pool is None:
         _pool = ThreadPoolExecutor(_workers, thread_name_prefix="gcvec")
-    return list(_pool.map(lambda span: work(*span), spans))
+    return list(_pool.map(work, items))
 
 
 def _forget_pool() -> None:

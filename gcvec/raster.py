@@ -13,13 +13,14 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gcvec.kernels import bare_kernel
 from gcvec.parallel import in_shares
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@bare_kernel
 def _clip_axis(src, n, dst, axis, bound, keep_below):
     """Sutherland-Hodgman against one axis-parallel line; returns the number of corners written to `dst`."""
     count = 0
@@ -40,7 +41,7 @@ def _clip_axis(src, n, dst, axis, bound, keep_below):
     return count
 
 
-@njit(cache=True, nogil=True)
+@bare_kernel
 def _area_centroid(p, n):
     """Signed area and centroid of a convex polygon, relative to its first corner for accuracy."""
     x0, y0 = p[0, 0], p[0, 1]
@@ -57,8 +58,8 @@ def _area_centroid(p, n):
     return area / 2, x0 + cx / (3 * area), y0 + cy / (3 * area)
 
 
-@njit(cache=True, nogil=True)
-def _cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch):
+@bare_kernel
+def cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch):
     """Append this triangle's `(pixel, weight of each corner)` entries in the rows from `top` to `bottom`;
     returns the new count.
 
@@ -113,11 +114,19 @@ def _cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch)
     return count
 
 
-@njit(cache=True, nogil=True)
-def _cells(corners, width, top, bottom):
+@bare_kernel
+def cells(corners, width, top, bottom):
     """Upper bound of the number of pixels a triangle touches in the rows from `top` to `bottom`."""
-    nx = min(np.ceil(corners[:, 0].max()), width) - max(np.floor(corners[:, 0].min()), 0.0)
-    ny = min(np.ceil(corners[:, 1].max()), bottom) - max(np.floor(corners[:, 1].min()), top)
+    low_x, high_x = (
+        min(corners[0, 0], corners[1, 0], corners[2, 0]),
+        max(corners[0, 0], corners[1, 0], corners[2, 0]),
+    )
+    low_y, high_y = (
+        min(corners[0, 1], corners[1, 1], corners[2, 1]),
+        max(corners[0, 1], corners[1, 1], corners[2, 1]),
+    )
+    nx = min(np.ceil(high_x), width) - max(np.floor(low_x), 0.0)
+    ny = min(np.ceil(high_y), bottom) - max(np.floor(low_y), top)
     return int(max(nx, 0.0) * max(ny, 0.0))
 
 
@@ -134,7 +143,7 @@ def _coverage(vertices, triangles, width, height, first, last):
     for t in range(first, last):
         for k in range(3):
             corners[k] = vertices[triangles[t, k]]
-        need = count + _cells(corners, width, 0, height)
+        need = count + cells(corners, width, 0, height)
         if need > capacity:
             capacity = max(2 * capacity, need)
             more_pixel = np.empty(capacity, np.int32)
@@ -142,7 +151,7 @@ def _coverage(vertices, triangles, width, height, first, last):
             more_pixel[:count] = pixel[:count]
             more_weights[:count] = weights[:count]
             pixel, weights = more_pixel, more_weights
-        count = _cover_triangle(corners, width, 0, height, pixel, weights, count, scratch)
+        count = cover_triangle(corners, width, 0, height, pixel, weights, count, scratch)
         start[t - first + 1] = count
     return start, pixel[:count].copy(), weights[:count].copy()
 
@@ -158,13 +167,13 @@ def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row
     for t in range(len(triangles)):
         for k in range(3):
             corners[k] = vertices[triangles[t, k]]
-        need = _cells(corners, width, first_row, last_row)
+        need = cells(corners, width, first_row, last_row)
         if need == 0:
             continue
         if need > len(pixel):
             pixel = np.empty(need, np.int32)
             weights = np.empty((need, 3))
-        count = _cover_triangle(corners, width, first_row, last_row, pixel, weights, 0, scratch)
+        count = cover_triangle(corners, width, first_row, last_row, pixel, weights, 0, scratch)
         for e in range(count):
             for k in range(3):
                 for c in range(channels):

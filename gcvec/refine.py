@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation, lay_unfolded_canvas
+from gcvec.clearance import room
 from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import Draft, by_rows, measured_mse
+from gcvec.greedy import begin_placement
+from gcvec.greedy.seats import Seats, seats
 from gcvec.least_squares import solve, solve_bounded
 from gcvec.quantization import Quantization
 from gcvec.raster import Coverage
 from gcvec.seeding import seeds
-from gcvec.selection import best_insertions, choose_points, room, usefulness
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
 
@@ -32,17 +34,24 @@ POINT_WEIGHT = 0.1
 BOUNDARY_WEIGHT = 0.05
 """Pull of a boundary colour towards its first estimate (section 4.3)."""
 
-FIRST_POINTS = 1 / 1500
-"""A round that grows adds a share of the points there are, and this many a pixel on top."""
-
 RISE = 0.75
 """Without the least useful share s of its control points a picture has about 1 + 0.75 s times the error."""
 
-FALL = 1.2
-"""New points take this much more from the error than each would alone: the others' colours adapt."""
+LOSS = 1.15
+"""Rounding colours as a file does costs this much more than rounding to nearest: see its dead zone."""
 
-EAGER = 0.6
-"""A round places this share of the points that the error seems to ask for: the best ones, which do most."""
+LEAST_AIM = 0.5
+"""The aim is at least this share of the target."""
+
+GROWTH = 3.0
+FIRST_POINTS = 1 / 1500
+"""A round multiplies the number of points by this at most, and adds this many a pixel on top."""
+
+NEAR = 1.1
+"""Growth ends within this factor of the aim: exchanges do the rest."""
+
+LEAST_CHANGE = 0.99
+"""Growth ends with a round that neither adds points nor brings the error below this share of what it was."""
 
 CROWDED = 1 / 8
 LEAST_RETURN = 0.1
@@ -50,25 +59,10 @@ IDLE_ROUNDS = 2
 """With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
 the number of points are the last."""
 
-LOSS = 1.15
-"""Rounding colours as a file does costs this much more than rounding to nearest: see its dead zone."""
-
-LANDING = 0.15
-"""After the exchanges no more than this share of the points is taken out to land on the target."""
-
-LEAST_SPARE = 0.01
-"""It takes a round, which fewer points are not worth."""
-
-LEAST_CHANGE = 0.99
-"""A round that neither adds points nor brings the error below this share of what it was is the last."""
-
-LEAST_AIM = 0.5
-"""The aim is at least this share of the target."""
-
-NEAR = 1.1
-"""Growth ends within this factor of the aim: exchanges do the rest."""
-
 RETRIES = 4
+
+SHIFTS = 0.35, 0.65
+"""Where strips of the picture are cut, in turn: nothing changes along a cut."""
 
 ROUND_ITERATIONS = 6
 FINAL_ITERATIONS = 16
@@ -105,17 +99,13 @@ def refine_batch(
     `pixels` is the photo `(h, w, 3)`. `max_points` bounds the points of one region, 0 lifts the bound.
     `effort`, 1 to 9, trades time for fewer points.
     """
-    plan = PLANS[effort]
     state = Refinement(
         foundation, boundary_colors, pixels / 255.0, target_mse, draft.steps, max_points, on_step, clock
     )
     state.seed()
-    more = state.grow_until(NEAR, plan.growth, plan.turnover)
-    for share in plan.exchanges:
-        state.turn_over(share, plan.growth)
-    state.converge()
-    if state.spare > LEAST_SPARE:
-        state.turn_over(min(LANDING, state.spare), 0.0)
+    more = state.grow()
+    for share in EXCHANGES[effort]:
+        more = state.turn_over(share)
     for retries in reversed(range(RETRIES)):
         state.settle()
         with clock.stage("encode"):
@@ -124,36 +114,23 @@ def refine_batch(
         if mse <= target_mse or not more or not retries:
             break
         state.learn(mse)
-        more = state.grow_until(NEAR, plan.growth, 0.0)
-        state.turn_over(0.0, plan.growth)
+        more = state.turn_over(0.0)
     return data, image
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What an effort means.
-
-    growth     share of the points there are that a round may add
-    turnover   share of them, the least useful, that it takes out at the same time
-    exchanges  shares of them that further rounds take out, and place anew as far as the target asks for it
-    """
-
-    growth: float
-    turnover: float
-    exchanges: tuple[float, ...]
-
-
-PLANS = {
-    1: Plan(2.0, 0.0, ()),
-    2: Plan(1.0, 0.0, (0.1,)),
-    3: Plan(0.8, 0.1, (0.1,)),
-    4: Plan(0.6, 0.1, (0.15, 0.1)),
-    5: Plan(0.5, 0.1, (0.2, 0.15, 0.1)),
-    6: Plan(0.45, 0.1, (0.2, 0.2, 0.15, 0.1)),
-    7: Plan(0.4, 0.1, (0.25, 0.2, 0.2, 0.15, 0.1)),
-    8: Plan(0.4, 0.1, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1)),
-    9: Plan(0.3, 0.1, (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.05)),
+EXCHANGES = {
+    1: (),
+    2: (0.1,),
+    3: (0.15, 0.1),
+    4: (0.2, 0.15, 0.1),
+    5: (0.2, 0.15, 0.1, 0.1),
+    6: (0.25, 0.2, 0.15, 0.1, 0.1),
+    7: (0.25, 0.2, 0.2, 0.15, 0.1, 0.1),
+    8: (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1),
+    9: (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.05),
 }
+"""What an effort means: shares of the control points that rounds take out, and place anew as far as the
+target asks for it."""
 
 
 class Refinement:
@@ -186,6 +163,7 @@ class Refinement:
         self._target_mse = target_mse
         self._loss = LOSS * 65025 / 12 / len(self._truth) * steps.point**2
         self._margin = 1.0
+        self._bias = 1.0
         self._max_points = max_points
         self._on_step = on_step
         self._clock = clock
@@ -203,85 +181,68 @@ class Refinement:
         loss = 1 / 12 + self._loss * float(self._fit.energy.sum())
         return self._margin * max(self._target_mse - loss, LEAST_AIM * self._target_mse)
 
-    @property
-    def spare(self) -> float:
-        """Share of the control points that the picture can do without and still be as good as its aim."""
-        return max(self.aim / max(self.mse, 1e-9) - 1, 0.0) / RISE
-
     def learn(self, mse: float) -> None:
         """Aim lower: a file of the picture as it is has the error `mse`."""
         self._margin *= 0.99 * self.mse / self.aim * self._target_mse / mse
 
-    def grow_until(self, nearness: float, growth: float, turnover: float) -> bool:
-        """Rounds of `turn_over` until the picture's error is within a factor of the aim.
-
-        False when no more points find a place, or when they have all but stopped to help.
-        """
+    def grow(self) -> bool:
+        """Place points until the picture is nearly as good as the aim. False: no more of them help."""
         idle_rounds = 0
-        while self.mse > nearness * self.aim:
+        while self.mse > NEAR * self.aim:
             n, before = len(self.points), self.mse
-            self.turn_over(turnover, growth)
+            if not self.turn_over(0.0):
+                return False
             if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
                 return False
-            helped = np.log(before / max(self.mse, 1e-9)) >= LEAST_RETURN * np.log(
-                len(self.points) / max(n, 1)
-            )
             crowded = len(self.points) > CROWDED * len(self._truth)
+            helped = self.mse * max(len(self.points) / max(n, 1), 1) ** LEAST_RETURN < before
             idle_rounds = idle_rounds + 1 if crowded and not helped else 0
             if idle_rounds == IDLE_ROUNDS:
                 return False
         return True
 
-    def turn_over(self, share: float, growth: float) -> None:
+    def turn_over(self, share: float) -> bool:
         """One round: take out the least useful `share` of the control points, and place as many new ones as
-        the aim seems to ask for, at most `growth` times the number there is.
+        the aim asks for, `GROWTH` times the number there is at most. False when no more points help.
         """
-        n, aim = len(self.points), self.aim
+        n = len(self.points)
         with self._clock.stage("evaluation"):
             finished = self._finished()
-            kept = self._useful(int(share * n), finished)
-            gain, where = best_insertions(self._coverage, self._residual)
-            missing = self.mse * (1 + RISE * share) - aim
-            fall = FALL * self._to_mse(np.cumsum(np.sort(gain)[::-1]))
-            wanted = max(EAGER * np.searchsorted(fall, missing), missing / aim * n / 2)
-            new = choose_points(
+            placement = begin_placement(
                 self.canvas,
-                self.canvas.unit[0].patch,
-                gain,
-                where,
-                self._blocked,
-                int(min(wanted, growth * n + FIRST_POINTS * len(self._truth))) + 1 if missing > 0 else 0,
-                self._max_points,
-                finished,
-                kept,
+                self.points,
+                self._fit.operator @ self.colors,
+                self._residual,
+                self._truth,
+                self._seats(),
+                self._room(finished),
+                POINT_WEIGHT,
+                SHIFTS[self._iteration % 2],
             )
-        self._keep(kept)
-        self._insert(new)
+            placement.thin_out(int(share * n), finished)
+            goal = self._bias * self._to_square(self.aim)
+            more = placement.grow(goal, int(GROWTH * n + FIRST_POINTS * len(self._truth)) + 4)
+            self.points, colors, new = placement.result()
+            self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
+        self._update(new)
+        self._bias = placement.error / max(self._to_square(self.mse), 1e-12)
+        return more
 
-    def _useful(self, fewer: int, finished: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which control points `(n,)` stay when the `fewer` least useful ones go.
+    def _seats(self) -> Seats:
+        taken = self._blocked.copy()
+        taken[self.points[:, 1], self.points[:, 0]] = True
+        return seats(self.foundation, taken)
 
-        Regions that are `finished` would get no others, so they keep theirs.
-        """
-        if not fewer:
-            return np.ones(len(self.points), bool)
-        drawing = self.canvas.unit[0]
-        use = usefulness(
-            drawing.image,
-            drawing.triangles,
-            self._fit.operator @ self.colors,
-            self._fit.corner_color,
-            self._fit.energy[: len(self.points)],
-        )
-        use[finished[self.canvas.patch_of_points()]] = np.inf
-        least = np.argsort(use)[:fewer]
-        kept = np.ones(len(use), bool)
-        kept[least[np.isfinite(use[least])]] = False
-        return kept
+    def _room(self, finished: NDArray[np.bool_]) -> Ints | None:
+        """How many more points each patch may have; None: any number."""
+        if not self._max_points:
+            return None
+        count = np.bincount(self.canvas.patch_of_points(), minlength=len(finished))
+        return np.where(finished, 0, np.maximum(self._max_points - count, 0))
 
-    def _to_mse(self, square: Floats) -> Floats:
-        """Mean squared error of the picture (0-255 scale) for sums of squared errors."""
-        return np.asarray(square * 65025 / self._truth.size)
+    def _to_square(self, mse: float) -> float:
+        """Squared error, summed over pixels and channels, of a mean squared error on the 0-255 scale."""
+        return mse * self._truth.size / 65025
 
     def _finished(self) -> NDArray[np.bool_]:
         """Regions that want no more points: once some have reached their bound, those within the target.

@@ -16,12 +16,12 @@ from scipy.sparse import linalg
 
 from gcvec import raster
 from gcvec.canonical import Canvas, Foundation, lay_canvas
+from gcvec.clearance import room
 from gcvec.draft import Draft, by_rows
 from gcvec.drawing import folded
 from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
 from gcvec.refine import Step
-from gcvec.selection import room
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
 

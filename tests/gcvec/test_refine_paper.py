@@ -11,6 +11,7 @@ from scipy import sparse
 
 from gcvec import Annotations, Options, Progress, Shape, VectorImage, raster, vectorize
 from gcvec.canonical import Canvas, Foundation, lay_canvas
+from gcvec.clearance import room
 from gcvec.mesh import build_mesh
 from gcvec.refine import Step
 from gcvec.refine_paper import (
@@ -22,7 +23,6 @@ from gcvec.refine_paper import (
     turns_over,
     worst_pixels,
 )
-from gcvec.selection import room
 from gcvec.timing import StageClock
 
 WIDTH, HEIGHT = 72, 56

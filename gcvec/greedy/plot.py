@@ -1,0 +1,298 @@
+"""A strip of a picture's mesh that points can be put into and taken out of, with the error it has.
+
+Kernels work on several strips at the same time. Triangles of other strips and patches count as frozen: no
+change crosses into them. Every triangle knows what its corners' colours give to the pixels it covers, by the
+same box filter that errors are reported with, so a change costs as much as the pixels it concerns.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from gcvec.kernels import bare_kernel
+from gcvec.raster import cells, cover_triangle
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Number = TypeVar("Number", np.float64, np.int64)
+
+CANDIDATES = 8
+"""Pixels of a triangle, the worst ones, that are tried as control points."""
+
+MOST_CORNERS = 64
+"""Corners of a hole that points are put into and taken out of, at most."""
+
+ENTRIES_A_POINT = 100
+"""Room for coverage that a new point brings: six triangles, large ones at first."""
+
+NOBODY = -1
+
+TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP = range(5)
+
+
+class Plot(NamedTuple):
+    """Mesh, coverage and error of a strip. Arrays have room for what comes.
+
+    counts      (5,) int64: triangles, vertices, entries, unused triangles, and a stamp for marks
+    domain      (v, 2) vertices in the parameter domain
+    image       (v, 2) where S takes them
+    color       (v, 3)
+    seat        (v,) int64, the pixel of a control point in the domain, -1 for other vertices
+    whole       (v,) bool, control points all of whose triangles are here
+    restless    (v,) bool, vertices about which something has changed since they adapted
+    at_vertex   (v,) int64, a triangle of each vertex
+    triangles   (t, 3) int64, of positive area; first corner -1 when unused
+    neighbors   (t, 3) int64, across the edge from corner k to k + 1; -1: frozen
+    patch       (t,) int64
+    stale       (t,) bool, triangles whose gain is not known
+    gain        (t,) squared error that the best point inside would save
+    best        (t,) int64, the pixel where it would be
+    first       (t,) int64, first entry of a triangle
+    last        (t,) int64, the one after its last
+    spare       (t,) int64, stack of unused triangles
+    mark        (t,) int64, stamps
+    pixel       (e,) int32, of an entry
+    weights     (e, 3) float32, what the corners give to it: they add up to the area covered
+    residual    (p, 3) float32, photo less picture, in the rows of the strip
+    pixel_mark  (p,) int32, stamps
+    phi         (p,) float32, what a vertex gives to each pixel
+    touched     (p,) int32, list of pixels
+    corners     (MOST_CORNERS, 4) int64, scratch: edges of a hole
+    ring        (MOST_CORNERS,) int64, scratch: its corners
+    ears        (MOST_CORNERS, 3) int64, scratch: triangles that fill it
+    holes       (MOST_CORNERS,) int64, scratch: the triangles that have changed
+    worst       (CANDIDATES,) scratch
+    candidate   (CANDIDATES,) int64, scratch
+    places      (3, 2) scratch
+    clipping    (4, 12, 2) scratch
+    photo       (h w, 3) all of it
+    first_row   of the picture, where pixels begin
+    rows        of the strip
+    width       columns of the picture
+    """
+
+    counts: Ints
+    domain: Floats
+    image: Floats
+    color: Floats
+    seat: Ints
+    whole: NDArray[np.bool_]
+    restless: NDArray[np.bool_]
+    at_vertex: Ints
+    triangles: Ints
+    neighbors: Ints
+    patch: Ints
+    stale: NDArray[np.bool_]
+    gain: Floats
+    best: Ints
+    first: Ints
+    last: Ints
+    spare: Ints
+    mark: Ints
+    pixel: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    residual: NDArray[np.float32]
+    pixel_mark: NDArray[np.int32]
+    phi: NDArray[np.float32]
+    touched: NDArray[np.int32]
+    corners: Ints
+    ring: Ints
+    ears: Ints
+    holes: Ints
+    worst: Floats
+    candidate: Ints
+    places: Floats
+    clipping: Floats
+    photo: Floats
+    first_row: int
+    rows: int
+    width: int
+
+
+def plot(
+    domain: Floats,
+    image: Floats,
+    color: Floats,
+    seat: Ints,
+    triangles: Ints,
+    patch: Ints,
+    residual: Floats,
+    photo: Floats,
+    width: int,
+) -> Plot:
+    """A strip of a mesh, with room for twice as many points again.
+
+    Vertices have one colour each: where they have two, on hard edges, there are two vertices. `residual` and
+    `photo` `(h w, 3)` are those of the whole picture.
+    """
+    n_vertices, n_triangles = len(domain), len(triangles)
+    height = len(photo) // width
+    at = image[:, 1] if n_vertices else np.zeros(1)
+    first_row = int(np.clip(np.floor(at.min()), 0, height - 1))
+    last_row = int(np.clip(np.ceil(at.max()), first_row + 1, height))
+    own = slice(first_row * width, last_row * width)
+    n_pixels = (last_row - first_row) * width
+    room = min(n_pixels // 3, 2 * n_vertices + 2000)
+    v, t = n_vertices + room, n_triangles + 2 * room + 2
+    e = 2 * n_pixels + 4 * n_triangles + ENTRIES_A_POINT * room
+
+    def roomy(values: NDArray[Number], n: int) -> NDArray[Number]:
+        held = np.empty((n, *values.shape[1:]), values.dtype)
+        held[: len(values)] = values
+        return held
+
+    made = Plot(
+        counts=np.array([n_triangles, n_vertices, 0, 0, 0]),
+        domain=roomy(domain, v),
+        image=roomy(image, v),
+        color=roomy(color, v),
+        seat=roomy(seat, v),
+        whole=np.zeros(v, bool),
+        restless=np.zeros(v, bool),
+        at_vertex=np.empty(v, np.int64),
+        triangles=roomy(triangles, t),
+        neighbors=np.empty((t, 3), np.int64),
+        patch=roomy(patch, t),
+        stale=np.ones(t, bool),
+        gain=np.empty(t),
+        best=np.empty(t, np.int64),
+        first=np.empty(t, np.int64),
+        last=np.empty(t, np.int64),
+        spare=np.empty(t, np.int64),
+        mark=np.zeros(t, np.int64),
+        pixel=np.empty(e, np.int32),
+        weights=np.empty((e, 3), np.float32),
+        residual=residual[own].astype(np.float32),
+        pixel_mark=np.zeros(n_pixels, np.int32),
+        phi=np.empty(n_pixels, np.float32),
+        touched=np.empty(n_pixels, np.int32),
+        corners=np.empty((MOST_CORNERS, 4), np.int64),
+        ring=np.empty(MOST_CORNERS, np.int64),
+        ears=np.empty((MOST_CORNERS, 3), np.int64),
+        holes=np.empty(MOST_CORNERS, np.int64),
+        worst=np.empty(CANDIDATES),
+        candidate=np.empty(CANDIDATES, np.int64),
+        places=np.empty((3, 2)),
+        clipping=np.empty((4, 12, 2)),
+        photo=photo,
+        first_row=first_row,
+        rows=last_row - first_row,
+        width=width,
+    )
+    _find_neighbors(made)
+    _assemble(made)
+    return made
+
+
+@bare_kernel
+def cross(points, a, b, c):
+    """Twice the signed area of the triangle of three vertices."""
+    return (points[b, 0] - points[a, 0]) * (points[c, 1] - points[a, 1]) - (points[b, 1] - points[a, 1]) * (
+        points[c, 0] - points[a, 0]
+    )
+
+
+@bare_kernel
+def barycentric(image, a, b, c, x, y):
+    """Weights of the corners at `(x, y)`."""
+    ux, uy = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
+    vx, vy = image[c, 0] - image[a, 0], image[c, 1] - image[a, 1]
+    px, py = x - image[a, 0], y - image[a, 1]
+    area = ux * vy - uy * vx
+    s, r = (px * vy - py * vx) / area, (ux * py - uy * px) / area
+    return 1 - s - r, s, r
+
+
+@bare_kernel
+def _assemble(plot):
+    for t in range(plot.counts[TRIANGLES]):
+        cover(plot, t)
+    for v in range(plot.counts[VERTICES]):
+        plot.whole[v] = plot.seat[v] >= 0 and _is_surrounded(plot, v)
+
+
+@njit(cache=True, nogil=True)
+def _find_neighbors(plot):
+    """Match the edges, listed by their smaller vertex."""
+    n_triangles, n_vertices = plot.counts[TRIANGLES], plot.counts[VERTICES]
+    triangles, neighbors, at_vertex = plot.triangles, plot.neighbors, plot.at_vertex
+    start = np.zeros(n_vertices + 1, np.int64)
+    for t in range(n_triangles):
+        for k in range(3):
+            at_vertex[triangles[t, k]] = t
+            neighbors[t, k] = NOBODY
+            start[min(triangles[t, k], triangles[t, (k + 1) % 3]) + 1] += 1
+    for v in range(n_vertices):
+        start[v + 1] += start[v]
+    listed = start[:-1].copy()
+    edge = np.empty(start[n_vertices], np.int64)
+    for t in range(n_triangles):
+        for k in range(3):
+            a, b = triangles[t, k], triangles[t, (k + 1) % 3]
+            low, high = min(a, b), max(a, b)
+            for i in range(start[low], listed[low]):
+                other, j = edge[i] // 3, edge[i] % 3
+                if max(triangles[other, j], triangles[other, (j + 1) % 3]) == high:
+                    neighbors[t, k], neighbors[other, j] = other, t
+                    break
+            edge[listed[low]] = 3 * t + k
+            listed[low] += 1
+
+
+@bare_kernel
+def _place(plot, a, b, c):
+    """Corners of a triangle in the strip, into the scratch."""
+    places, image, top = plot.places, plot.image, plot.first_row
+    places[0, 0], places[0, 1] = image[a, 0], image[a, 1] - top
+    places[1, 0], places[1, 1] = image[b, 0], image[b, 1] - top
+    places[2, 0], places[2, 1] = image[c, 0], image[c, 1] - top
+
+
+@bare_kernel
+def most_entries(plot, a, b, c):
+    """How many entries a triangle may need."""
+    _place(plot, a, b, c)
+    return cells(plot.places, plot.width, 0, plot.rows)
+
+
+@bare_kernel
+def cover(plot, t):
+    """Find the pixels of a triangle."""
+    _place(plot, plot.triangles[t, 0], plot.triangles[t, 1], plot.triangles[t, 2])
+    first = plot.counts[ENTRIES]
+    plot.first[t] = first
+    plot.counts[ENTRIES] = cover_triangle(
+        plot.places, plot.width, 0, plot.rows, plot.pixel, plot.weights, first, plot.clipping
+    )
+    plot.last[t] = plot.counts[ENTRIES]
+
+
+@bare_kernel
+def corner_of(triangles, t, vertex):
+    """Which corner of a triangle a vertex is."""
+    if triangles[t, 0] == vertex:
+        return 0
+    return 1 if triangles[t, 1] == vertex else 2
+
+
+@bare_kernel
+def next_around(triangles, neighbors, t, vertex):
+    """The next triangle about a vertex, across the edge that ends there; -1: frozen."""
+    return neighbors[t, (corner_of(triangles, t, vertex) + 2) % 3]
+
+
+@bare_kernel
+def _is_surrounded(plot, vertex):
+    start = plot.at_vertex[vertex]
+    t = start
+    for _ in range(plot.counts[TRIANGLES]):
+        t = next_around(plot.triangles, plot.neighbors, t, vertex)
+        if t == NOBODY:
+            return False
+        if t == start:
+            return True
+    return False

@@ -1,0 +1,88 @@
+"""Where control points can be: pixels of the parameter domain, and what lies over them in the image."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.canonical import Foundation
+from gcvec.kernels import bare_kernel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Seats(NamedTuple):
+    """The seats of a foundation, for kernels.
+
+    under        (h w,) int32, the pixel of the domain from where S reaches about the middle of a pixel of
+                 the image, -1 where that is none of its patch
+    patch        (h w,) int32, the patch of a domain pixel's centre
+    taken        (h w,) bool, domain pixels that no further control point can have
+    triangle_at  (h w,) int32, the triangle of the bare mesh at a domain pixel's centre
+    triangles    (t, 3) int64, those of the bare mesh
+    domain       (v, 2) float64, its vertices
+    image        (v, 2) float64, where S takes them
+    width        columns of the picture
+    """
+
+    under: NDArray[np.int32]
+    patch: NDArray[np.int32]
+    taken: NDArray[np.bool_]
+    triangle_at: NDArray[np.int32]
+    triangles: Ints
+    domain: Floats
+    image: Floats
+    width: int
+
+
+def seats(foundation: Foundation, blocked: NDArray[np.bool_]) -> Seats:
+    """The seats of a foundation, those of the pixels `blocked` `(h, w)` taken."""
+    geometry = foundation.geometry
+    height, width = blocked.shape
+    triangle_at = geometry.triangle_at.ravel()
+    patch = geometry.mesh.patch.astype(np.int32)[triangle_at]
+    found = Seats(
+        np.empty(height * width, np.int32),
+        patch,
+        blocked.ravel().copy(),
+        triangle_at,
+        geometry.mesh.triangles,
+        geometry.mesh.vertices,
+        geometry.image,
+        width,
+    )
+    _look_under(found)
+    return found
+
+
+@bare_kernel
+def image_of(seats, x, y, at):
+    """S at `(x, y)`, by the triangle at the domain pixel `at`."""
+    t = seats.triangle_at[at]
+    a, b, c = seats.triangles[t, 0], seats.triangles[t, 1], seats.triangles[t, 2]
+    domain, image = seats.domain, seats.image
+    ux, uy = domain[b, 0] - domain[a, 0], domain[b, 1] - domain[a, 1]
+    vx, vy = domain[c, 0] - domain[a, 0], domain[c, 1] - domain[a, 1]
+    px, py = x - domain[a, 0], y - domain[a, 1]
+    area = ux * vy - uy * vx
+    s, r = (px * vy - py * vx) / area, (ux * py - uy * px) / area
+    return (
+        (1 - s - r) * image[a, 0] + s * image[b, 0] + r * image[c, 0],
+        (1 - s - r) * image[a, 1] + s * image[b, 1] + r * image[c, 1],
+    )
+
+
+@bare_kernel
+def _look_under(seats):
+    width = seats.width
+    height = len(seats.under) // width
+    for y in range(height):
+        for x in range(width):
+            at = y * width + x
+            moved_x, moved_y = image_of(seats, x + 0.5, y + 0.5, at)
+            column = min(max(int(2 * (x + 0.5) - moved_x), 0), width - 1)
+            row = min(max(int(2 * (y + 0.5) - moved_y), 0), height - 1)
+            seats.under[at] = row * width + column
