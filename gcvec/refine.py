@@ -40,7 +40,11 @@ RISE = 0.75
 LOSS = 1.15
 """Rounding colours as a file does costs this much more than rounding to nearest: see its dead zone."""
 
-CAREFUL = 0.985
+LANDING = 0.15
+LEAST_SPARE = 0.03
+"""At the end no more than this share of the points is taken out to land on the target, and no fewer."""
+
+CAREFUL = 0.97
 """The first aim is lower than it need be by this factor: missing the target costs another round."""
 
 LEAST_AIM = 0.5
@@ -67,9 +71,9 @@ RETRIES = 4
 SHIFTS = 0.35, 0.65
 """Where strips of the picture are cut, in turn: nothing changes along a cut."""
 
-ROUND_ITERATIONS = 6
-FINAL_ITERATIONS = 16
-FINAL_SWEEPS = 4
+ROUND_ITERATIONS = 4
+FINAL_ITERATIONS = 10
+FINAL_SWEEPS = 2
 """Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
 may take some sweeps to find the colours that stay at their bounds."""
 
@@ -107,8 +111,11 @@ def refine_batch(
     )
     state.seed()
     more = state.grow()
-    for share in EXCHANGES[effort]:
+    shares = EXCHANGES[effort] + (MORE_EXCHANGES if len(state.points) < FEW else ())
+    for share in shares:
         more = state.turn_over(share)
+    if state.spare > LEAST_SPARE:
+        more = state.turn_over(min(state.spare, LANDING))
     for retries in reversed(range(RETRIES)):
         state.settle()
         with clock.stage("encode"):
@@ -134,6 +141,10 @@ EXCHANGES = {
 }
 """What an effort means: shares of the control points that rounds take out, and place anew as far as the
 target asks for it."""
+
+FEW = 3000
+MORE_EXCHANGES = (0.15, 0.1)
+"""With so few points exchanges take next to no time, and there are more of them."""
 
 
 class Refinement:
@@ -183,6 +194,11 @@ class Refinement:
         """
         loss = 1 / 12 + self._loss * float(self._fit.energy.sum())
         return self._margin * max(self._target_mse - loss, LEAST_AIM * self._target_mse)
+
+    @property
+    def spare(self) -> float:
+        """Share of the control points that the picture can do without and still be as good as its aim."""
+        return max(self.aim / max(self.mse, 1e-9) - 1, 0.0) / RISE
 
     def learn(self, mse: float) -> None:
         """Aim lower: a file of the picture as it is has the error `mse`."""
