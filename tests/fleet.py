@@ -22,7 +22,6 @@ import numpy as np
 from PIL import Image
 
 from service.broker import private_broker, wait_until_ready
-from service.server import KEEP_ALIVE_SECONDS
 from tests.event_stream import events_of
 from worker.app import QUEUES
 from worker.process import die_with
@@ -133,9 +132,8 @@ class Fleet:
 
     def start_api(self, port: int = 0) -> Api:
         port = port or free_port()
-        command = ("-m", "uvicorn", "--factory", "service.app:create_app", "--log-level", "warning")
-        connections = ("--timeout-keep-alive", str(KEEP_ALIVE_SECONDS), "--port", str(port))
-        process = self._start((sys.executable, *command, *connections), f"api-{port}")
+        command = (sys.executable, "-m", "service.server", f"127.0.0.1:{port}")
+        process = self._start(command, f"api-{port}")
         self._apis.append(api := Api(process, port))
         within(30, api.ready)
         return api

@@ -11,7 +11,7 @@ from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 from kombu import Exchange, Queue
 
-from worker import tracing
+from worker import logs, tracing
 from worker.process import die_with
 from worker.settings import Settings, get_settings
 
@@ -54,7 +54,6 @@ def create_celery(settings: Settings) -> Celery:
         worker_soft_shutdown_timeout=5.0,
         worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_proc_alive_timeout=120.0,
-        worker_hijack_root_logger=False,
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
         broker_transport_options={
@@ -73,6 +72,12 @@ def create_celery(settings: Settings) -> Celery:
 warnings.filterwarnings("ignore", category=SecurityWarning)
 
 app = create_celery(get_settings())
+
+
+@signals.setup_logging.connect
+def _log(loglevel: int, **_: Any) -> None:
+    """Celery leaves the records of a worker to whoever hears this."""
+    logs.start(get_settings(), loglevel)
 
 
 @signals.worker_init.connect

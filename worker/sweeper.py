@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import redis
 
+from worker import logs
 from worker.app import DELIVER, JOBS_QUEUE, REMOVE, TIDY, VECTORIZE, app
 from worker.records import (
     ACTIVE,
@@ -61,7 +62,8 @@ class Sweeper:
         """Sweep once."""
         for job_id in self._lost():
             if self._records.run(requeue(job_id)):
-                logger.warning("job %s: sent again", job_id)
+                with logs.about(job_id):
+                    logger.warning("job %s: sent again", job_id)
                 app.send_task(VECTORIZE, [job_id])
         now = time.time()
         for job_id in self._client.zrange(EXPIRY, 0, now, byscore=True, offset=0, num=_BATCH):

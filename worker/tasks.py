@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 from obstore.exceptions import BaseError
 
 from gcvec.errors import InputError
-from worker import storage
+from worker import logs, storage
 from worker.app import VECTORIZE, app
 from worker.artifacts import KINDS
 from worker.attempt import Attempt, StopError
@@ -37,9 +37,14 @@ class JobError(Exception):
 def vectorize_job(job_id: str) -> None:
     """Run one attempt of a job, unless it has finished, was cancelled or runs elsewhere."""
     shop = workshop()
-    job = shop.records.get(job_id) if shop.records.run(claim(job_id)) else None
-    if job is None:
-        return
+    with logs.about(job_id):
+        job = shop.records.get(job_id) if shop.records.run(claim(job_id)) else None
+        if job is not None:
+            _attempt(shop, job)
+
+
+def _attempt(shop: Workshop, job: Job) -> None:
+    """The attempt that has just begun, and how it ends."""
     logger.info("job %s: attempt %d", job.id, job.attempt)
     try:
         manifest = storage.read_manifest(shop.store, job.id) or _run(shop, job)
