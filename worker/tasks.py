@@ -58,6 +58,9 @@ def _attempt(shop: Workshop, job: Job) -> None:
     except MemoryError:
         limit = shop.settings.job_memory_bytes
         _fail(shop, job, problem("memory-limit", f"the job needs more than {limit / 1e9:g} GB of memory"))
+    except (BaseError, OSError) as error:  # the store is away, or the worker's own disk is full
+        logger.warning("job %s: attempt %d failed: %s", job.id, job.attempt, type(error).__name__)
+        _fail(shop, job, problem("storage-failed", "files of the job could not be read or written"))
     except Exception:
         logger.exception("job %s: attempt %d failed", job.id, job.attempt)
         _fail(shop, job, problem("internal-error", "the job failed for a reason that was logged"))
@@ -131,7 +134,8 @@ def _succeed(shop: Workshop, job: Job, manifest: Manifest) -> None:
         totals=manifest.totals,
     )
     if not shop.records.run(ended):
-        _discard_if_unwanted(shop, job)
+        if shop.records.unwanted(job.id):  # while its results were written
+            storage.delete_folder(shop.store, storage.job_folder(job.id))
         return
     logger.info("job %s: succeeded in attempt %d", job.id, manifest.attempt)
     for number in range(1, job.attempt + 1):
@@ -145,10 +149,3 @@ def _fail(shop: Workshop, job: Job, reason: Problem) -> None:
     if shop.records.run(ended):
         logger.info("job %s: failed: %s", job.id, reason.type)
     storage.delete_folder(shop.store, storage.attempt_folder(job.id, job.attempt))
-
-
-def _discard_if_unwanted(shop: Workshop, job: Job) -> None:
-    """Remove what was written for a job that was cancelled or deleted in the meantime."""
-    now = shop.records.get(job.id)
-    if now is None or now.status == "canceled":
-        storage.delete_folder(shop.store, storage.job_folder(job.id))
