@@ -16,7 +16,7 @@ from gcvec.errors import InputError
 from worker import logs, storage
 from worker.app import EDIT, EXPORT, REMOVE, TIDY, app
 from worker.artifacts import EXPORTS, KINDS
-from worker.orphans import remove_orphans
+from worker.orphans import may_judge, remove_orphans
 from worker.problems import input_problem, problem
 from worker.questions import Answer, give
 from worker.records import grow, retire, revise
@@ -54,6 +54,11 @@ def remove_job(job_id: str) -> None:
 def tidy() -> None:
     """Remove files that belong to no job."""
     shop = workshop()
+    if not may_judge(shop.client, shop.store):
+        logger.error(
+            "the store belongs to another Redis, or this one has lost its memory: all files are kept"
+        )
+        return
     for job_id in remove_orphans(shop.store, shop.records, shop.settings.orphan_age.total_seconds()):
         with logs.about(job_id):
             logger.warning("job %s: unknown, its files are removed", job_id)
@@ -115,5 +120,6 @@ def _kept(shop: Workshop, job_id: str, size: int, value: object) -> Answer:
     """The answer, unless the job was deleted while its file was being made: then that file goes too."""
     if shop.records.run(grow(job_id, size)):
         return Answer(value)
-    storage.delete_folder(shop.store, storage.job_folder(job_id))
+    if shop.records.unwanted(job_id):
+        storage.delete_folder(shop.store, storage.job_folder(job_id))
     return Answer(problem=_GONE)
