@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable
+from statistics import median, quantiles
 
 import pytest
 
-from benchmarks.load import Answer, Load, flood, listen_all, poll_all
+from benchmarks.load import Answer, Load, flood, listen_all, overheads, poll_all
 from tests.fleet import Fleet, within
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
@@ -16,6 +17,10 @@ pytestmark = [pytest.mark.service, pytest.mark.slow]
 SUBMISSIONS = 500
 UNFINISHED = 40
 """So many jobs may wait; what a flood brings beyond that is refused."""
+LOOK_SECONDS = 0.1
+OVERHEAD_SECONDS = 0.2
+ROUNDS = 3
+"""So often it is tried to stay within `LOOK_SECONDS`: other programs may have the cores for a while."""
 
 
 async def clients_of(url: str) -> tuple[list[Answer], Load]:
@@ -33,12 +38,24 @@ def test_many_clients_meet_no_error_and_lose_nothing(start_fleet: Callable[..., 
     fleet = start_fleet(GCVEC_REQUESTS_PER_MINUTE="0", GCVEC_MAX_UNFINISHED_JOBS=str(UNFINISHED))
     api = fleet.start_api()
     fleet.start_worker()
-    answers, load = asyncio.run(clients_of(f"http://127.0.0.1:{api.port}"))
+    for _ in range(ROUNDS):
+        answers, load = asyncio.run(clients_of(f"http://127.0.0.1:{api.port}"))
+        check_looks(load)
+        check_flood(fleet, answers)
+        late = quantiles(load.seconds, n=100)[98]
+        if late <= LOOK_SECONDS:
+            break
+    assert late <= LOOK_SECONDS
+    assert "unexpected error" not in api.process.log.read_text()
 
+
+def check_looks(load: Load) -> None:
     assert set(load.statuses) == {200}
     assert load.statuses[200] >= 1000 + 100
     assert load.ended == 100
 
+
+def check_flood(fleet: Fleet, answers: list[Answer]) -> None:
     outcomes = Counter(answer.status for answer in answers)
     assert set(outcomes) <= {202, 429, 503}
     assert outcomes[202] >= UNFINISHED
@@ -49,5 +66,12 @@ def test_many_clients_meet_no_error_and_lose_nothing(start_fleet: Callable[..., 
     assert len(ids) == outcomes[202]
     within(60, lambda: fleet.client.zcard("gcvec:active") == 0)
     assert {fleet.job(job_id).status for job_id in ids} == {"succeeded"}
-    assert {path.split("/")[1] for path in fleet.files()} == ids
-    assert "unexpected error" not in api.process.log.read_text()
+    assert ids <= {path.split("/")[1] for path in fleet.files()}
+    assert len({path.split("/")[1] for path in fleet.files()}) == fleet.client.zcard("gcvec:jobs:anyone")
+
+
+def test_a_job_takes_little_more_than_the_engine(fleet: Fleet) -> None:
+    api = fleet.start_api()
+    fleet.start_worker()
+    spent = asyncio.run(overheads(f"http://127.0.0.1:{api.port}", 12))
+    assert median(spent[2:]) <= OVERHEAD_SECONDS  # the first jobs meet cold caches

@@ -6,10 +6,11 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from tests.fleet import ENDLESS, LONG, SHORT, Fleet, within
+from tests.fleet import ENDLESS, LONG, ON_EVERY_SERVER, SHORT, Fleet, within
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
@@ -24,9 +25,13 @@ def attempts_in(fleet: Fleet, job_id: str) -> set[str]:
     return {path.split("/")[2] for path in fleet.files(job_id) if "/attempt-" in path}
 
 
-def test_a_job_whose_worker_is_killed_is_finished_by_another(fleet: Fleet) -> None:
+@ON_EVERY_SERVER
+def test_a_job_whose_worker_is_killed_is_finished_by_another(
+    start_fleet: Callable[..., Fleet], server: Path
+) -> None:
+    fleet = start_fleet(server)
     api, first = fleet.start_api(), fleet.start_worker()
-    job_id = api.submit(**LONG)
+    job_id = api.submit(**LONG | {"max_points": 250})
     within(20, lambda: fleet.refining(job_id))
     first.kill()
     killed = time.monotonic()
@@ -78,14 +83,25 @@ def test_a_job_that_kills_its_workers_is_given_up_and_harms_no_other(fleet: Flee
         assert fleet.job(job_id).attempt == 1
 
 
+def test_a_worker_that_is_asked_to_end_finishes_its_job_and_takes_no_other(fleet: Fleet) -> None:
+    api, first = fleet.start_api(), fleet.start_worker()
+    running = api.submit(**LONG | {"max_points": 200})
+    within(20, lambda: fleet.refining(running))
+    waiting = api.submit(**SHORT)
+    assert first.ask_to_stop(signal.SIGTERM, 60) == 0
+    assert (fleet.job(running).status, fleet.job(running).attempt) == ("succeeded", 1)
+    assert fleet.job(waiting).status == "queued"
+    assert fleet.client.llen("gcvec-jobs") == 1
+
+
 def test_a_worker_that_is_sent_away_hands_its_job_back(fleet: Fleet) -> None:
     api, first = fleet.start_api(), fleet.start_worker()
-    job_id = api.submit(**LONG | {"max_points": 900})
+    job_id = api.submit(**ENDLESS)
     within(20, lambda: fleet.refining(job_id))
     fleet.start_worker()
     assert first.ask_to_stop(signal.SIGQUIT) == 0
-    assert api.outcome(job_id, 60)["status"] == "succeeded"
-    assert ends_of(fleet, job_id) == ["succeeded"]
+    within(30, lambda: fleet.refining(job_id, 2))
+    assert ends_of(fleet, job_id) == []
 
 
 def test_a_job_may_not_run_for_ever(start_fleet: Callable[..., Fleet]) -> None:
