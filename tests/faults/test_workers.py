@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 
 from tests.fleet import ENDLESS, LONG, ON_EVERY_SERVER, SHORT, Fleet, within
+from worker import storage
+from worker.records import claim, lease_key
+from worker.storage import Manifest
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
@@ -44,6 +47,24 @@ def test_a_job_whose_worker_is_killed_is_finished_by_another(
     assert attempts_in(fleet, job_id) == {"attempt-2"}
     assert ends_of(fleet, job_id) == ["succeeded"]
     assert api.http.get(f"/v1/jobs/{job_id}/result").status_code == 200
+
+
+def test_results_that_were_complete_when_their_worker_died_are_the_jobs(fleet: Fleet) -> None:
+    api = fleet.start_api()
+    job_id = api.submit(24, **SHORT)
+    assert fleet.records.run(claim(job_id)) == 1
+    store = storage.open_store(fleet.environment["GCVEC_STORAGE_URL"])
+    file = storage.write(store, f"{storage.attempt_folder(job_id, 1)}/result.gcv", b"made by the first")
+    assert storage.commit(store, job_id, Manifest(1, {"gcv": file}, ("careful",)))
+    assert api.http.get(f"/v1/jobs/{job_id}/result.gcv").status_code == 409
+    fleet.client.delete(lease_key(job_id))
+    fleet.start_worker()
+    job = api.outcome(job_id)
+    assert (job["status"], job["warnings"]) == ("succeeded", ["careful"])
+    assert api.http.get(f"/v1/jobs/{job_id}/result.gcv").content == b"made by the first"
+    assert fleet.job(job_id).attempt == 2
+    assert attempts_in(fleet, job_id) == {"attempt-1"}
+    assert ends_of(fleet, job_id) == ["succeeded"]
 
 
 def test_an_attempt_that_was_given_up_changes_nothing_when_it_wakes(fleet: Fleet) -> None:
