@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import logging
 import resource
+import select
 import socket
 import struct
 import time
 import zipfile
 import zlib
+from collections.abc import Callable
+from contextlib import ExitStack
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -331,6 +334,30 @@ def test_a_flood_is_refused_before_it_ends(api: httpx.Client) -> None:
         for _ in range(20):
             connection.sendall(b"10000\r\n" + b"x" * 65_536 + b"\r\n")
         assert connection.recv(1_000).startswith(b"HTTP/1.1 413 ")
+
+
+def test_a_crowd_of_large_uploads_is_bounded(api: httpx.Client, eventually: Callable[..., None]) -> None:
+    """Each is small enough, and none has ended: together they are too much."""
+    stated = "Content-Length: 1150000\r\n"
+    head = f"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: {FORM}\r\n{stated}\r\n"
+    with ExitStack() as open_ones:
+        crowd = [
+            open_ones.enter_context(
+                socket.create_connection((api.base_url.host, api.base_url.port or 0), timeout=10)
+            )
+            for _ in range(12)
+        ]
+        for connection in crowd:
+            connection.sendall(head.encode() + START + bytes(1_100_000))
+        eventually(lambda: len(select.select(crowd, [], [], 0)[0]) >= 3)
+        time.sleep(0.2)
+        answered, _, _ = select.select(crowd, [], [], 0)
+        assert 3 <= len(answered) <= 6
+        for connection in answered:
+            answer = connection.recv(2_000)
+            assert answer.startswith(b"HTTP/1.1 503 ")
+            assert b"retry-after: 5" in answer.lower()
+    assert api.post("/v1/jobs", files={"image": IMAGE}).status_code == 202
 
 
 @pytest.mark.parametrize(
