@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import timedelta
 from typing import Final
@@ -66,6 +68,16 @@ def open_store(url: str) -> ObjectStore:
         url,
         retry_config={"max_retries": 4, "retry_timeout": timedelta(seconds=_OUTAGE_SECONDS)},
     )
+
+
+async def reach(store: ObjectStore) -> None:
+    """Raise BaseError or OSError if the store cannot be reached, or a folder not be written to."""
+    if isinstance(store, LocalStore):
+        if not os.access(str(store.prefix), os.R_OK | os.W_OK | os.X_OK):
+            raise PermissionError("the folder is not there, or may not be written to")
+        return
+    with suppress(FileNotFoundError):
+        await obstore.head_async(store, _REDIS_ID)
 
 
 def job_folder(job_id: str) -> str:
