@@ -12,7 +12,7 @@ from celery.exceptions import SecurityWarning
 from kombu import Exchange, Queue
 
 from worker import logs, tracing
-from worker.process import die_with
+from worker.process import die_with, give_way
 from worker.settings import Settings, get_settings
 
 JOBS_QUEUE: Final = "gcvec-jobs"
@@ -95,8 +95,9 @@ def _begin(sender: Any, **_: Any) -> None:
 
 @signals.worker_process_init.connect
 def _prepare_process(**_: Any) -> None:
-    """Ready a pool process: bound to its worker's life, bounded in memory."""
+    """Ready a pool process: bound to its worker's life, bounded in memory, no hindrance to the API."""
     die_with(os.getppid())
+    give_way()
     memory = get_settings().job_memory_bytes
     resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
 

@@ -72,6 +72,7 @@ def test_an_attempt_that_was_given_up_changes_nothing_when_it_wakes(fleet: Fleet
     job_id = api.submit(**LONG)
     within(20, lambda: fleet.refining(job_id))
     (asleep,) = first.children()
+    assert os.sched_getscheduler(asleep) == os.SCHED_BATCH
     os.kill(asleep, signal.SIGSTOP)
     fleet.start_worker()
     assert api.outcome(job_id, 40)["status"] == "succeeded"
