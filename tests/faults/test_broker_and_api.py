@@ -6,6 +6,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import httpx
@@ -84,6 +86,32 @@ def test_events_go_on_where_they_were_after_the_api_was_killed(fleet: Fleet) -> 
     assert [number for number, _ in seen] == list(range(1, len(seen) + 1))
     assert [kind for _, kind in seen] == ["progress"] * (len(seen) - 1) + ["state"]
     assert again.outcome(job_id)["status"] == "succeeded"
+
+
+def test_an_api_that_is_killed_while_it_takes_jobs_has_taken_them_or_not(fleet: Fleet) -> None:
+    api = fleet.start_api()
+    taken: list[str] = []
+
+    def submit(seed: int) -> None:
+        with suppress(httpx.TransportError):
+            taken.append(api.submit(24, seed, **SHORT))
+
+    with ThreadPoolExecutor(16) as clients:
+        ends = clients.map(submit, range(64))
+        within(20, lambda: len(taken) > 8)
+        api.process.kill()
+    assert list(ends) == [None] * 64
+    assert 8 < len(taken) < 64
+    again = fleet.start_api(api.port)
+    fleet.start_worker(concurrency=2)
+    within(60, lambda: fleet.client.zcard("gcvec:active") == 0)
+    known = set(fleet.client.zrange("gcvec:jobs:anyone", 0, -1))
+    assert set(taken) <= known
+    for job_id in known:
+        assert again.outcome(job_id)["status"] == "succeeded"
+        assert ends_of(fleet, job_id) == ["succeeded"]
+    for path in fleet.files():  # what is not a job's is an upload that was never taken
+        assert path.split("/")[1] in known or path.split("/")[2] == "input"
 
 
 @ON_EVERY_SERVER
