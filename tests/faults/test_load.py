@@ -21,7 +21,7 @@ UNFINISHED = 40
 LOOK_SECONDS = 0.1
 OVERHEAD_SECONDS = 0.2
 ROUNDS = 3
-"""So often it is tried to stay within `LOOK_SECONDS`: other programs may have the cores for a while."""
+"""So often it is tried to stay within these: other programs may have the cores for a while."""
 
 
 async def own_lateness(seconds: list[float]) -> None:
@@ -90,5 +90,9 @@ def check_flood(fleet: Fleet, answers: list[Answer]) -> None:
 def test_a_job_takes_little_more_than_the_engine(fleet: Fleet) -> None:
     api = fleet.start_api()
     fleet.start_worker()
-    spent = asyncio.run(overheads(f"http://127.0.0.1:{api.port}", 12))
-    assert median(spent[2:]) <= OVERHEAD_SECONDS  # the first jobs meet cold caches
+    url = f"http://127.0.0.1:{api.port}"
+    asyncio.run(overheads(url, 2))  # the first jobs meet cold caches
+    for _ in range(ROUNDS):
+        if (spent := median(asyncio.run(overheads(url, 10)))) <= OVERHEAD_SECONDS:
+            break
+    assert spent <= OVERHEAD_SECONDS

@@ -25,7 +25,8 @@ def test_a_full_disk_fails_the_job_and_leaves_no_half_result(fleet: Fleet) -> No
     assert failed["error"]["type"] == "urn:gcvec:problem:storage-failed"
     assert str(fleet.folder) not in str(failed)
     assert fleet.manifest(job_id) is None
-    assert fleet.files(job_id) == [f"jobs/{job_id}/input/annotations", f"jobs/{job_id}/input/image"]
+    inputs = [f"jobs/{job_id}/input/annotations", f"jobs/{job_id}/input/image"]
+    within(10, lambda: fleet.files(job_id) == inputs)
     assert api.http.get(f"/v1/jobs/{job_id}/result").status_code == 409
     worker.kill()
     fleet.start_worker()
