@@ -1,8 +1,8 @@
 """How the service bears many clients: ``python -m benchmarks.load``.
 
 A service of its own runs on loopback, with a worker that is busy all the while. Printed are the time that a
-look at a job takes while many look, the time that a job takes beyond the engine's own, and how a flood of
-submissions is answered.
+look at a job takes while many look, what it costs the API, the time that a job takes beyond the engine's own,
+and how a flood of submissions is answered.
 """
 
 from __future__ import annotations
@@ -184,9 +184,22 @@ async def overheads(url: str, count: int) -> list[float]:
     return spent
 
 
+def processor_seconds(pid: int) -> float:
+    """What a process has used of processors so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def api_of(pid: int) -> int:
+    """The API process that a `gcvec serve` has started."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    (api,) = [pid for pid in children if b"service.server" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    return int(api)
+
+
 @contextmanager
-def service(folder: Path, workers: int, **settings: str) -> Iterator[str]:
-    """A `gcvec serve` of its own; its address."""
+def service(folder: Path, workers: int, **settings: str) -> Iterator[tuple[str, int]]:
+    """A `gcvec serve` of its own; its address, and its API's process where such can be looked at, else 0."""
     command = (sys.executable, "-m", "gcvec.cli", "serve", "--port", "0", "--workers", str(workers))
     process = subprocess.Popen(
         (*command, "--data", str(folder)),
@@ -199,13 +212,14 @@ def service(folder: Path, workers: int, **settings: str) -> Iterator[str]:
         assert process.stdout is not None
         line = process.stdout.readline()
         assert line.startswith("gcvec serves "), "the service does not start"
-        yield line.split()[-1]
+        yield line.split()[-1], api_of(process.pid) if sys.platform == "linux" else 0
     finally:
         process.terminate()
         process.wait(30)
 
 
-async def measure(url: str, arguments: argparse.Namespace) -> None:
+async def measure(url: str, api: int, arguments: argparse.Namespace) -> None:
+    """Print what is measured of the service at `url`; 0 for a process that cannot be looked at."""
     spent = await overheads(url, arguments.jobs)
     _print("a job beyond its engine time", spent[2:])  # the first jobs meet cold caches
     load = Load()
@@ -213,16 +227,21 @@ async def measure(url: str, arguments: argparse.Namespace) -> None:
         answers = [await submit(connection, 96, seed, SLOW) for seed in range(20)]
         jobs = [answer.json()["id"] for answer in answers]
         listening = asyncio.create_task(listen_all(url, jobs, load, clients=arguments.listeners))
+        used = processor_seconds(api) if api else 0.0
         await poll_all(
             url, jobs, load, clients=arguments.pollers, every=arguments.every, seconds=arguments.seconds
         )
+        used = processor_seconds(api) - used if api else 0.0
         for job in jobs:
             await connection.ask("DELETE", f"/v1/jobs/{job}")
         await listening
     _print(f"a look of {arguments.pollers} clients, each every {arguments.every:g} s", load.seconds)
     rate = len(load.seconds) / arguments.seconds
     print(f"  {rate:.0f} looks a second; answers {dict(load.statuses)}; {load.events} events heard,")
-    print(f"  {load.ended} of {arguments.listeners} streams heard to their end")
+    print(f"  {load.ended} of {arguments.listeners} streams heard to their end;")
+    if api:
+        share = used / arguments.seconds
+        print(f"  the API used {share:.0%} of a core, {1000 * used / len(load.seconds):.2f} ms a look")
     begun = time.perf_counter()
     flooded = Counter(answer.status for answer in await flood(url, arguments.flood))
     took = time.perf_counter() - begun
@@ -245,13 +264,13 @@ def main() -> None:
     parser.add_argument("--url", help="a service that runs already, and asks for no key")
     arguments = parser.parse_args()
     if arguments.url:
-        asyncio.run(measure(arguments.url, arguments))
+        asyncio.run(measure(arguments.url, 0, arguments))
         return
     with (
         tempfile.TemporaryDirectory() as folder,
-        service(Path(folder) / "data", 1, GCVEC_REQUESTS_PER_MINUTE="0") as url,
+        service(Path(folder) / "data", 1, GCVEC_REQUESTS_PER_MINUTE="0") as (url, api),
     ):
-        asyncio.run(measure(url, arguments))
+        asyncio.run(measure(url, api, arguments))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from service.errors import ProblemError
 from service.idempotency import Idempotency
 from service.jobs.repository import Changes, JobRepository
 from service.questions import Questions
+from worker import logs
 from worker.records import Job
 from worker.settings import Settings
 
@@ -68,6 +69,7 @@ async def get_job(job_id: JobId, request: Request, _: Annotated[object, Security
         raise ProblemError("not-found", "there is no job of this id")
     if job is None or job.expired:
         raise ProblemError("gone", "the job has expired or was deleted")
+    logs.from_now_on_about(job_id)
     return job
 
 

@@ -1,30 +1,79 @@
-"""The API as a process of its own, on a socket that was opened for it: ``python -m service.server FD``."""
+"""The API as a process of its own: ``python -m service.server 0.0.0.0:8000``."""
 
 from __future__ import annotations
 
+import gc
 import socket
 import sys
 from typing import Final
 
 import uvicorn
+from fastapi import FastAPI
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from service.app import create_app
+from service.sockets import listen
+from worker import logs
+from worker.settings import get_settings
 
+MOST_HEADER_BYTES: Final = 64_000
+"""Request line and headers together."""
 KEEP_ALIVE_SECONDS: Final = 75
 """Longer than clients pause between two looks at a job, and than proxies keep a connection that is idle."""
 
 
-def main() -> None:
-    """Serve on the inherited listening socket whose descriptor is the first argument."""
-    listener = socket.socket(fileno=int(sys.argv[1]))
-    config = uvicorn.Config(
-        create_app(),
+class BoundedHttp(HttpToolsProtocol):
+    """uvicorn's fast HTTP, which by itself reads headers without end."""
+
+    _head: int | None = None  # bytes of a request whose headers have not all come
+
+    def on_message_begin(self) -> None:
+        super().on_message_begin()
+        self._head = 0
+
+    def on_headers_complete(self) -> None:
+        self._head = None
+        if len(self.url) + sum(len(name) + len(value) for name, value in self.headers) > MOST_HEADER_BYTES:
+            raise ValueError("headers too large")  # which the parser makes a 400 of
+        super().on_headers_complete()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self._head is not None:
+            self._head += len(data)
+            if self._head > MOST_HEADER_BYTES and not self.transport.is_closing():
+                self.send_400_response("Headers too large.")
+
+
+def configuration(app: FastAPI) -> uvicorn.Config:
+    """How the application is served. Its records go where all others go."""
+    return uvicorn.Config(
+        app,
+        http=BoundedHttp,
+        ws="none",
+        log_config=None,
         log_level="warning",
+        access_log=False,
         timeout_graceful_shutdown=5,
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
-        backlog=2048,
     )
-    uvicorn.Server(config).run(sockets=[listener])
+
+
+def main() -> None:
+    """Serve on HOST:PORT, or on the inherited listening socket whose descriptor is the only argument."""
+    logs.start(get_settings())
+    server = uvicorn.Server(configuration(create_app()))
+    server.config.load()
+    gc.collect()
+    gc.freeze()  # what is loaded stays: to look through it again takes 0.2 s, and everybody waits
+    server.run(sockets=[_listener(sys.argv[1])])
+
+
+def _listener(place: str) -> socket.socket:
+    if place.isdigit():
+        return socket.socket(fileno=int(place))
+    host, _, port = place.rpartition(":")
+    return listen(host.strip("[]"), int(port))
 
 
 if __name__ == "__main__":

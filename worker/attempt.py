@@ -9,6 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
+from contextvars import copy_context
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Final
@@ -50,7 +51,9 @@ class Attempt:
         self._events: deque[Mapping[str, Any]] = deque(maxlen=EVENTS_KEPT)
         self._stopped = threading.Event()
         self._done = threading.Event()
-        self._thread = threading.Thread(target=self._keep, name=f"attempt-{job_id}", daemon=True)
+        self._thread = threading.Thread(
+            target=copy_context().run, args=(self._keep,), name=f"attempt-{job_id}", daemon=True
+        )
 
     def __enter__(self) -> Attempt:
         self._thread.start()

@@ -7,6 +7,7 @@ import time
 from typing import Any
 from urllib.parse import urlsplit
 
+from worker import logs
 from worker.app import DELIVER, app
 from worker.records import Job
 from worker.webhooks import DELIVERIES, UnsafeTargetError, event_name, message, post, signed_headers
@@ -22,6 +23,11 @@ def deliver(entry: str) -> None:
     """Tell of one change of a job, or have it told later; `entry` is "ID STATUS"."""
     shop = workshop()
     job_id, status = entry.split()
+    with logs.about(job_id):
+        _deliver(shop, entry, job_id, status)
+
+
+def _deliver(shop: Workshop, entry: str, job_id: str, status: str) -> None:
     job = shop.records.get(job_id)
     if job is None or job.webhook is None or event_name(status) not in job.webhook["events"]:
         _settle(shop, entry)

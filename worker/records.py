@@ -336,6 +336,11 @@ class JobRecords:
         """Run one of this module's steps."""
         return int(self._client.register_script(call.script)(keys=call.keys, args=call.args))
 
+    def unwanted(self, job_id: str) -> bool:
+        """Whether the job was cancelled or deleted. One of which nothing is known may just be forgotten."""
+        fields = cast("dict[str, str]", self._client.hgetall(record_key(job_id)))
+        return bool(fields) and fields.get("status") in (None, "canceled")
+
     def get(self, job_id: str) -> Job | None:
         fields = cast("dict[str, str]", self._client.hgetall(record_key(job_id)))
         return Job.from_fields(job_id, fields)

@@ -7,7 +7,7 @@ import re
 from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -53,6 +53,10 @@ class Settings(BaseSettings):
     webhook_pauses: Annotated[tuple[float, ...], NoDecode] = Field(
         default=(5, 300, 1_800, 7_200, 18_000, 36_000),
         description="seconds before each further call of a webhook that fails, comma-separated",
+    )
+
+    log_format: Literal["text", "json"] = Field(
+        default="text", description="log lines for people, or for programs: JSON with the job's id"
     )
 
     requests_per_minute: int = Field(default=6_000, ge=0, description="of one key; 0: no limit")

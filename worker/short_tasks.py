@@ -13,10 +13,10 @@ from typing import Any
 from obstore.exceptions import BaseError
 
 from gcvec.errors import InputError
-from worker import storage
+from worker import logs, storage
 from worker.app import EDIT, EXPORT, REMOVE, TIDY, app
 from worker.artifacts import EXPORTS, KINDS
-from worker.orphans import remove_orphans
+from worker.orphans import may_judge, remove_orphans
 from worker.problems import input_problem, problem
 from worker.questions import Answer, give
 from worker.records import grow, retire, revise
@@ -31,13 +31,13 @@ _GONE = problem("gone", "the job has expired or was deleted")
 @app.task(name=EXPORT, acks_late=False)
 def export_image(key: str, job_id: str, revision: int, kind: str, scale: float, name: str) -> None:
     """Make the derived file `name` of a revision; the answer's value is empty."""
-    _answer(key, lambda shop: _export(shop, job_id, revision, kind, scale, name))
+    _answer(key, job_id, lambda shop: _export(shop, job_id, revision, kind, scale, name))
 
 
 @app.task(name=EDIT, acks_late=False)
 def edit_image(key: str, job_id: str, base: int, changes: Mapping[str, Any]) -> None:
     """Make a new revision out of an older one; the answer's value is its number."""
-    _answer(key, lambda shop: _edit(shop, job_id, base, changes))
+    _answer(key, job_id, lambda shop: _edit(shop, job_id, base, changes))
 
 
 @app.task(name=REMOVE)
@@ -46,32 +46,43 @@ def remove_job(job_id: str) -> None:
     shop = workshop()
     storage.delete_folder(shop.store, storage.job_folder(job_id))
     shop.records.run(retire(job_id))
-    logger.info("job %s: expired and removed", job_id)
+    with logs.about(job_id):
+        logger.info("job %s: expired and removed", job_id)
 
 
 @app.task(name=TIDY)
 def tidy() -> None:
     """Remove files that belong to no job."""
     shop = workshop()
+    if not may_judge(shop.client, shop.store):
+        logger.error(
+            "the store belongs to another Redis, or this one has lost its memory: all files are kept"
+        )
+        return
     for job_id in remove_orphans(shop.store, shop.records, shop.settings.orphan_age.total_seconds()):
-        logger.warning("job %s: unknown, its files are removed", job_id)
+        with logs.about(job_id):
+            logger.warning("job %s: unknown, its files are removed", job_id)
 
 
-def _answer(key: str, work: Callable[[Workshop], Answer]) -> None:
+def _answer(key: str, job_id: str, work: Callable[[Workshop], Answer]) -> None:
     shop = workshop()
+    with logs.about(job_id):
+        give(shop.client, key, _outcome(shop, work))
+
+
+def _outcome(shop: Workshop, work: Callable[[Workshop], Answer]) -> Answer:
     try:
-        answer = work(shop)
+        return work(shop)
     except InputError as error:
-        answer = Answer(problem=input_problem(error))
+        return Answer(problem=input_problem(error))
     except (BaseError, OSError) as error:
         logger.warning("storing failed: %s", type(error).__name__)
-        answer = Answer(problem=problem("unavailable", "the storage cannot be reached"))
+        return Answer(problem=problem("unavailable", "the storage cannot be reached"))
     except MemoryError:
-        answer = Answer(problem=problem("memory-limit", "this needs more memory than allowed"))
+        return Answer(problem=problem("memory-limit", "this needs more memory than allowed"))
     except Exception:
         logger.exception("a short task failed")
-        answer = Answer(problem=problem("internal-error", "this failed for a reason that was logged"))
-    give(shop.client, key, answer)
+        return Answer(problem=problem("internal-error", "this failed for a reason that was logged"))
 
 
 def _export(shop: Workshop, job_id: str, revision: int, kind: str, scale: float, name: str) -> Answer:
@@ -109,5 +120,6 @@ def _kept(shop: Workshop, job_id: str, size: int, value: object) -> Answer:
     """The answer, unless the job was deleted while its file was being made: then that file goes too."""
     if shop.records.run(grow(job_id, size)):
         return Answer(value)
-    storage.delete_folder(shop.store, storage.job_folder(job_id))
+    if shop.records.unwanted(job_id):
+        storage.delete_folder(shop.store, storage.job_folder(job_id))
     return Answer(problem=_GONE)

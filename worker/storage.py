@@ -5,13 +5,16 @@ jobs/ID/attempt-N/...                what attempt N wrote; invisible until the m
 jobs/ID/manifest.json                the commit: created once, by the first attempt that is complete
 jobs/ID/revisions/R/...              what an edit made, again with a manifest; R is 1, 2, …; 0 is the original
 jobs/ID/revisions/R/derived/...      made of revision R on demand: NAME, and NAME.json once it is whole
+redis.id                             which Redis has the records of these jobs
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import timedelta
 from typing import Final
@@ -22,6 +25,7 @@ from obstore.store import LocalStore, ObjectStore, S3Store, from_url
 
 _OUTAGE_SECONDS: Final = 8
 """A bucket that is away for longer fails the step."""
+_REDIS_ID: Final = "redis.id"
 _BYTES: Final = "application/octet-stream"
 
 
@@ -64,6 +68,16 @@ def open_store(url: str) -> ObjectStore:
         url,
         retry_config={"max_retries": 4, "retry_timeout": timedelta(seconds=_OUTAGE_SECONDS)},
     )
+
+
+async def reach(store: ObjectStore) -> None:
+    """Raise BaseError or OSError if the store cannot be reached, or a folder not be written to."""
+    if isinstance(store, LocalStore):
+        if not os.access(str(store.prefix), os.R_OK | os.W_OK | os.X_OK):
+            raise PermissionError("the folder is not there, or may not be written to")
+        return
+    with suppress(FileNotFoundError):
+        await obstore.head_async(store, _REDIS_ID)
 
 
 def job_folder(job_id: str) -> str:
@@ -113,6 +127,15 @@ def direct_link(store: ObjectStore, path: str, seconds: int) -> str | None:
     return (
         obstore.sign(store, "GET", path, timedelta(seconds=seconds)) if isinstance(store, S3Store) else None
     )
+
+
+def claim_for(store: ObjectStore, redis_id: str) -> str:
+    """Which Redis the store belongs to: the one of this id, unless another has claimed it before."""
+    try:
+        obstore.put(store, _REDIS_ID, redis_id.encode(), mode="create")
+    except AlreadyExistsError:
+        return read(store, _REDIS_ID).decode().strip()
+    return redis_id
 
 
 def read_manifest(store: ObjectStore, job_id: str, revision: int = 0) -> Manifest | None:

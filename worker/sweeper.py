@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
 import time
+from base64 import b64decode
 from typing import Any, Final
 
 import redis
 
+from worker import logs
 from worker.app import DELIVER, JOBS_QUEUE, REMOVE, TIDY, VECTORIZE, app
 from worker.records import (
     ACTIVE,
@@ -59,9 +62,10 @@ class Sweeper:
 
     def sweep(self) -> None:
         """Sweep once."""
-        for job_id in self._lost():
+        for job_id in self.lost():
             if self._records.run(requeue(job_id)):
-                logger.warning("job %s: sent again", job_id)
+                with logs.about(job_id):
+                    logger.warning("job %s: sent again", job_id)
                 app.send_task(VECTORIZE, [job_id])
         now = time.time()
         for job_id in self._client.zrange(EXPIRY, 0, now, byscore=True, offset=0, num=_BATCH):
@@ -74,21 +78,33 @@ class Sweeper:
         if self._client.set("gcvec:tidied", "1", nx=True, px=int(1000 * self._tidy_seconds)):
             app.send_task(TIDY)
 
-    def _lost(self) -> list[str]:
-        """Unfinished jobs that nobody works on and that no message stands for."""
+    def lost(self) -> list[str]:
+        """Unfinished jobs that nobody works on and that no message stands for.
+
+        Messages are taken in the order in which jobs began to wait: a job that began well before the one
+        whose turn is next has none any more.
+        """
         jobs = self._client.zrange(ACTIVE, 0, -1, withscores=True)
         pipeline = self._client.pipeline(transaction=False)
         for job_id, _ in jobs:
             pipeline.hget(record_key(job_id), "status")
             pipeline.exists(lease_key(job_id))
         answers = pipeline.execute()
-        no_message = self._client.llen(JOBS_QUEUE) == 0
-        overdue = time.time() - _LOST_AFTER
+        overdue = self._next_began() - _LOST_AFTER
         return [
             job_id
             for (job_id, since), status, leased in zip(jobs, answers[::2], answers[1::2], strict=True)
-            if not leased and (status != "queued" or (no_message and since < overdue))
+            if not leased and (status != "queued" or since < overdue)
         ]
+
+    def _next_began(self) -> float:
+        """When the job whose turn is next began to wait; now, if none waits."""
+        message = self._client.lindex(JOBS_QUEUE, -1)
+        if message is None:
+            return time.time()
+        (job_id,), *_ = json.loads(b64decode(json.loads(message)["body"]))
+        since = self._client.zscore(ACTIVE, job_id)
+        return 0.0 if since is None else float(since)  # it has ended: the next one will tell
 
 
 def start() -> None:

@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 from obstore.exceptions import BaseError
 
 from gcvec.errors import InputError
-from worker import storage
+from worker import logs, storage
 from worker.app import VECTORIZE, app
 from worker.artifacts import KINDS
 from worker.attempt import Attempt, StopError
@@ -37,9 +37,14 @@ class JobError(Exception):
 def vectorize_job(job_id: str) -> None:
     """Run one attempt of a job, unless it has finished, was cancelled or runs elsewhere."""
     shop = workshop()
-    job = shop.records.get(job_id) if shop.records.run(claim(job_id)) else None
-    if job is None:
-        return
+    with logs.about(job_id):
+        job = shop.records.get(job_id) if shop.records.run(claim(job_id)) else None
+        if job is not None:
+            _attempt(shop, job)
+
+
+def _attempt(shop: Workshop, job: Job) -> None:
+    """The attempt that has just begun, and how it ends."""
     logger.info("job %s: attempt %d", job.id, job.attempt)
     try:
         manifest = storage.read_manifest(shop.store, job.id) or _run(shop, job)
@@ -53,6 +58,9 @@ def vectorize_job(job_id: str) -> None:
     except MemoryError:
         limit = shop.settings.job_memory_bytes
         _fail(shop, job, problem("memory-limit", f"the job needs more than {limit / 1e9:g} GB of memory"))
+    except (BaseError, OSError) as error:  # the store is away, or the worker's own disk is full
+        logger.warning("job %s: attempt %d failed: %s", job.id, job.attempt, type(error).__name__)
+        _fail(shop, job, problem("storage-failed", "files of the job could not be read or written"))
     except Exception:
         logger.exception("job %s: attempt %d failed", job.id, job.attempt)
         _fail(shop, job, problem("internal-error", "the job failed for a reason that was logged"))
@@ -126,7 +134,8 @@ def _succeed(shop: Workshop, job: Job, manifest: Manifest) -> None:
         totals=manifest.totals,
     )
     if not shop.records.run(ended):
-        _discard_if_unwanted(shop, job)
+        if shop.records.unwanted(job.id):  # while its results were written
+            storage.delete_folder(shop.store, storage.job_folder(job.id))
         return
     logger.info("job %s: succeeded in attempt %d", job.id, manifest.attempt)
     for number in range(1, job.attempt + 1):
@@ -140,10 +149,3 @@ def _fail(shop: Workshop, job: Job, reason: Problem) -> None:
     if shop.records.run(ended):
         logger.info("job %s: failed: %s", job.id, reason.type)
     storage.delete_folder(shop.store, storage.attempt_folder(job.id, job.attempt))
-
-
-def _discard_if_unwanted(shop: Workshop, job: Job) -> None:
-    """Remove what was written for a job that was cancelled or deleted in the meantime."""
-    now = shop.records.get(job.id)
-    if now is None or now.status == "canceled":
-        storage.delete_folder(shop.store, storage.job_folder(job.id))

@@ -25,6 +25,14 @@ _DOCS: Final = (
 _DOCS_PATHS: Final = ("/docs", "/redoc")
 _POLICIES: Final = {"text/html": _PAGE, "image/svg+xml": _DRAWING}
 
+_ASKED_WITH: Final = [
+    "Authorization",
+    "Content-Type",
+    "Idempotency-Key",
+    "Last-Event-ID",
+    "Range",
+    "X-Requested-With",
+]
 _READABLE: Final = ["Location", "Retry-After", "ETag", "Content-Range", "Content-Disposition"]
 
 
@@ -36,7 +44,7 @@ def install(app: FastAPI, settings: Settings) -> None:
             CORSMiddleware,
             allow_origins=settings.cors_origins,
             allow_methods=["GET", "HEAD", "POST", "DELETE"],
-            allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "Last-Event-ID", "Range"],
+            allow_headers=_ASKED_WITH,
             expose_headers=_READABLE,
             max_age=3600,
         )

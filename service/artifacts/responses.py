@@ -27,7 +27,8 @@ async def file_response(
 ) -> Response:
     """The file, the part of it that was asked for, or 304 if the client has it already.
 
-    With `redirect_seconds`, and a store that can be read directly, a redirect to the file there.
+    With `redirect_seconds`, and a store that can be read directly, a redirect to the file there; but scripts
+    of pages get the file itself, since neither the page's policy nor the bucket need let them follow.
     """
     etag = f'"{file.sha256}"'
     common = {
@@ -38,7 +39,11 @@ async def file_response(
     }
     if _lists(request.headers.get("if-none-match"), etag):
         return Response(status_code=304, headers=common)
-    if redirect_seconds and (link := storage.direct_link(store, file.path, redirect_seconds)):
+    if (
+        redirect_seconds
+        and not _by_script(request)
+        and (link := storage.direct_link(store, file.path, redirect_seconds))
+    ):
         return RedirectResponse(link, 307, {"Cache-Control": "no-store"})
     wanted = _range(request, etag, file.size)
     start, stop = wanted or (0, file.size)
@@ -53,6 +58,13 @@ async def file_response(
     except FileNotFoundError:
         raise ProblemError("gone", "the job has expired or was deleted") from None
     return StreamingResponse(found.stream(), status, common, media_type)
+
+
+def _by_script(request: Request) -> bool:
+    """Whether a script of a page asks. Browsers tell only servers on TLS or on their own machine; our page
+    says it itself."""
+    headers = request.headers
+    return headers.get("sec-fetch-mode") == "cors" or "x-requested-with" in headers
 
 
 def _lists(header: str | None, etag: str) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import logging
 import os
 import signal
 import socket
@@ -22,7 +21,9 @@ from typer import Option
 from gcvec.errors import InputError
 from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
+from service.sockets import listen
 from service.supervisor import Command, Supervisor
+from worker import logs
 from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE
 from worker.settings import Settings, get_settings, listing
 
@@ -39,8 +40,8 @@ def serve(
 
     With GCVEC_BROKER_URL set, that server is used and none is started.
     """
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s", stream=sys.stderr)
     settings = get_settings().model_copy(update={"data_dir": data})
+    logs.start(settings)
     _check_open(settings, host)
     data.mkdir(parents=True, exist_ok=True)
     with _locked(data), closing(_listen(host, port)) as listener, Supervisor() as supervisor:
@@ -100,13 +101,9 @@ def _worker(name: str, queue: str, processes: int, environment: Mapping[str, str
 def _listen(host: str, port: int) -> socket.socket:
     """The listening socket. The API inherits it, so that connections wait while the API is started again."""
     try:
-        return socket.create_server((host, port), family=_family(host), backlog=2048)
+        return listen(host, port)
     except OSError as error:
         raise InputError(f"cannot listen on {host}:{port}: {error.strerror}", code="bad-option") from error
-
-
-def _family(host: str) -> socket.AddressFamily:
-    return socket.AF_INET6 if ":" in host else socket.AF_INET
 
 
 @contextmanager

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import logging
 
-import obstore
 from fastapi import APIRouter
 from obstore.exceptions import BaseError
 from redis.exceptions import RedisError
 
 from service.deps import ServicesDep
 from service.errors import documented, unavailable
+from worker import storage
 
 logger = logging.getLogger(__name__)
 router = APIRouter(tags=["health"])
@@ -29,9 +29,7 @@ async def ready(services: ServicesDep) -> dict[str, str]:
     except RedisError as error:
         raise unavailable("the broker cannot be reached") from error
     try:
-        await obstore.head_async(services.store, "jobs/none")
-    except FileNotFoundError:
-        pass
+        await storage.reach(services.store)
     except (BaseError, OSError) as error:
         logger.warning("storage: %s", type(error).__name__)
         raise unavailable("the storage cannot be reached") from error

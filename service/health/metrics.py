@@ -45,6 +45,9 @@ class _Figures(Collector):
         yield _gauges("gcvec_queue_messages", "Messages that wait", "queue", figures.messages)
         age = 0.0 if figures.oldest_queued is None else max(0.0, time.time() - figures.oldest_queued)
         yield GaugeMetricFamily("gcvec_oldest_queued_seconds", "Age of the job that waits longest", age)
+        foreign = GaugeMetricFamily("gcvec_store_foreign", "Whether the store belongs to another Redis")
+        foreign.add_metric([], figures.foreign_store)
+        yield foreign
         yield _counters("gcvec_jobs_finished", "Jobs by how they ended", "status", totals, "finished:")
         yield _counters("gcvec_jobs_failed", "Failed jobs by cause", "cause", totals, "failed:")
         yield _counters("gcvec_stage_seconds", "Engine time by stage", "stage", totals, "seconds:")

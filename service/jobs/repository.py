@@ -17,6 +17,7 @@ from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 
 from worker.app import QUEUES
+from worker.orphans import FOREIGN_STORE
 from worker.records import (
     ACTIVE,
     CHANGES,
@@ -60,12 +61,16 @@ class Event:
 
 @dataclass(frozen=True)
 class Figures:
-    """How the service stands: unfinished jobs by status, messages by queue, counts since the beginning."""
+    """How the service stands: unfinished jobs by status, messages by queue, counts since the beginning.
+
+    `foreign_store` says that the store belongs to another Redis.
+    """
 
     unfinished: Mapping[str, int]
     messages: Mapping[str, int]
     oldest_queued: float | None
     totals: Mapping[str, float]
+    foreign_store: bool
 
 
 class JobRepository:
@@ -120,7 +125,8 @@ class JobRepository:
             for queue in QUEUES:
                 pipeline.llen(queue)
             pipeline.hgetall(TOTALS)
-            *answers, totals = await pipeline.execute()
+            pipeline.exists(FOREIGN_STORE)
+            *answers, totals, foreign = await pipeline.execute()
         statuses, lengths = answers[: len(active)], answers[len(active) :]
         waiting = [since for (_, since), status in zip(active, statuses, strict=True) if status == "queued"]
         return Figures(
@@ -128,6 +134,7 @@ class JobRepository:
             messages=dict(zip(QUEUES, lengths, strict=True)),
             oldest_queued=min(waiting, default=None),
             totals={name: float(value) for name, value in totals.items()},
+            foreign_store=bool(foreign),
         )
 
     async def ping(self) -> None:

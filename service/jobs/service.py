@@ -22,7 +22,7 @@ from service.errors import ProblemError, unavailable
 from service.jobs.repository import Event
 from service.jobs.schemas import JobView
 from service.jobs.uploads import Upload, check, request_of
-from worker import storage
+from worker import logs, storage
 from worker.app import VECTORIZE
 from worker.records import TOO_MANY_BYTES, TOO_MANY_JOBS, Job, create, discard, finish, retire
 
@@ -58,6 +58,7 @@ async def _create(services: Services, owner: str, upload: Upload) -> Job:
         webhook=upload.webhook.model_dump() if upload.webhook else None,
         bytes=len(upload.image) + len(upload.annotations or b""),
     )
+    logs.from_now_on_about(job.id)
     try:
         await _keep_files(services, job, upload)
         await _record(services, job)

@@ -14,12 +14,14 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gcvec.errors import InputError, pointing_at
 from gcvec.io import PictureHeader, check_size, probe_picture, read_annotations
-from service.errors import ProblemError, answer
+from service.errors import ProblemError, answer, unavailable
 from service.jobs.schemas import JobOptions, Webhook
 from worker.settings import Settings, limits
 from worker.webhooks import UnsafeTargetError, check_target
 
 _FORM_OVERHEAD: Final = 1_000_000
+_LARGEST_HELD: Final = 8
+"""As much as so many of the largest uploads is held at a time."""
 _CHARSETS: Final = (b"utf-8", b"utf8", b"us-ascii")
 
 
@@ -37,6 +39,7 @@ class Upload:
 class LimitBody:
     """Middleware: a request body may not grow beyond what the largest valid upload needs.
 
+    Nor may all that are being read or handled: a crowd of large ones would take all memory.
     Nor may a form name a character set other than UTF-8: Python decodes some of them, "punycode" for one, in
     a time that grows with the square of the length.
     """
@@ -44,6 +47,7 @@ class LimitBody:
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
         self._limit = 2 * settings.max_upload_bytes + _FORM_OVERHEAD
+        self._held = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -54,9 +58,13 @@ class LimitBody:
         async def counted() -> Message:
             nonlocal seen
             message = await receive()
-            seen += len(message.get("body", b""))
+            size = len(message.get("body", b""))
+            seen += size
+            self._held += size
             if seen > self._limit:
                 raise _too_large(self._limit)
+            if self._held > _LARGEST_HELD * self._limit:
+                raise unavailable("too much is being uploaded at a time")
             return message
 
         headers = dict(scope["headers"])
@@ -67,7 +75,10 @@ class LimitBody:
         if not all(_is_utf8(value) for name, value in scope["headers"] if name == b"content-type"):
             await answer(_FOREIGN_CHARSET.problem)(scope, receive, send)
             return
-        await self._app(scope, counted, send)
+        try:
+            await self._app(scope, counted, send)
+        finally:
+            self._held -= seen
 
 
 _FOREIGN_CHARSET: Final = ProblemError(

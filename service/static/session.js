@@ -21,6 +21,7 @@ export async function call(url, options = {}) {
   for (;;) {
     const key = sessionStorage.getItem(STORED);
     const headers = new Headers(options.headers);
+    headers.set("X-Requested-With", "fetch"); // files come from here then, not by a redirect to a bucket
     if (key !== null) headers.set("Authorization", `Bearer ${key}`);
     const answer = await fetch(url, { ...options, headers });
     if (answer.status !== 401) return answer;

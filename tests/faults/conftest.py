@@ -13,7 +13,7 @@ def start_fleet(tmp_path: Path) -> Iterator[Callable[..., Fleet]]:
     """Start a broker; the test starts APIs and workers. Everything is killed at the end."""
     fleets: list[Fleet] = []
 
-    def start(server: str | None = None, **settings: str) -> Fleet:
+    def start(server: Path | None = None, **settings: str) -> Fleet:
         fleets.append(Fleet(tmp_path, server=server, **settings))
         return fleets[-1]
 

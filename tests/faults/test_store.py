@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +25,8 @@ def test_a_full_disk_fails_the_job_and_leaves_no_half_result(fleet: Fleet) -> No
     assert failed["error"]["type"] == "urn:gcvec:problem:storage-failed"
     assert str(fleet.folder) not in str(failed)
     assert fleet.manifest(job_id) is None
-    assert fleet.files(job_id) == [f"jobs/{job_id}/input/annotations", f"jobs/{job_id}/input/image"]
+    inputs = [f"jobs/{job_id}/input/annotations", f"jobs/{job_id}/input/image"]
+    within(10, lambda: fleet.files(job_id) == inputs)
     assert api.http.get(f"/v1/jobs/{job_id}/result").status_code == 409
     worker.kill()
     fleet.start_worker()
@@ -83,3 +85,30 @@ def test_a_young_folder_without_a_record_is_left_alone(fleet: Fleet) -> None:
     os.utime(fleet.folder / "store" / Path(storage.image_path("old")), (past, past))
     assert remove_orphans(store, fleet.records, 3600) == ["old"]
     assert fleet.files() == ["jobs/young/input/image"]
+
+
+def test_a_redis_that_has_lost_its_memory_has_nothing_removed(start_fleet: Callable[..., Fleet]) -> None:
+    fleet = start_fleet(GCVEC_ORPHAN_AGE="1")
+    api = fleet.start_api()
+    fleet.start_worker()
+    job_id = api.submit(24, **SHORT)
+    assert api.outcome(job_id)["status"] == "succeeded"
+    mark = fleet.folder / "store" / "redis.id"
+    within(10, mark.exists)
+    files, known = fleet.files(job_id), mark.read_text()
+
+    fleet.broker.kill()
+    shutil.rmtree(fleet.folder / "broker")
+    (fleet.folder / "broker").mkdir()
+    fleet.start_broker()
+    within(20, api.ready)
+    within(20, lambda: "gcvec_store_foreign 1.0" in api.http.get("/metrics").text)
+    assert api.http.get(f"/v1/jobs/{job_id}").status_code == 404
+    assert fleet.client.get("gcvec:id") not in (None, known)
+    time.sleep(2)  # twice the age of orphans
+    assert fleet.files(job_id) == files
+    assert mark.read_text() == known
+
+    mark.unlink()
+    within(20, lambda: fleet.files(job_id) == [])
+    within(20, lambda: "gcvec_store_foreign 0.0" in api.http.get("/metrics").text)

@@ -6,10 +6,14 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from tests.fleet import ENDLESS, LONG, SHORT, Fleet, within
+from tests.fleet import ENDLESS, LONG, ON_EVERY_SERVER, SHORT, Fleet, within
+from worker import storage
+from worker.records import claim, lease_key
+from worker.storage import Manifest
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
@@ -24,9 +28,13 @@ def attempts_in(fleet: Fleet, job_id: str) -> set[str]:
     return {path.split("/")[2] for path in fleet.files(job_id) if "/attempt-" in path}
 
 
-def test_a_job_whose_worker_is_killed_is_finished_by_another(fleet: Fleet) -> None:
+@ON_EVERY_SERVER
+def test_a_job_whose_worker_is_killed_is_finished_by_another(
+    start_fleet: Callable[..., Fleet], server: Path
+) -> None:
+    fleet = start_fleet(server)
     api, first = fleet.start_api(), fleet.start_worker()
-    job_id = api.submit(**LONG)
+    job_id = api.submit(**LONG | {"max_points": 250})
     within(20, lambda: fleet.refining(job_id))
     first.kill()
     killed = time.monotonic()
@@ -41,11 +49,30 @@ def test_a_job_whose_worker_is_killed_is_finished_by_another(fleet: Fleet) -> No
     assert api.http.get(f"/v1/jobs/{job_id}/result").status_code == 200
 
 
+def test_results_that_were_complete_when_their_worker_died_are_the_jobs(fleet: Fleet) -> None:
+    api = fleet.start_api()
+    job_id = api.submit(24, **SHORT)
+    assert fleet.records.run(claim(job_id)) == 1
+    store = storage.open_store(fleet.environment["GCVEC_STORAGE_URL"])
+    file = storage.write(store, f"{storage.attempt_folder(job_id, 1)}/result.gcv", b"made by the first")
+    assert storage.commit(store, job_id, Manifest(1, {"gcv": file}, ("careful",)))
+    assert api.http.get(f"/v1/jobs/{job_id}/result.gcv").status_code == 409
+    fleet.client.delete(lease_key(job_id))
+    fleet.start_worker()
+    job = api.outcome(job_id)
+    assert (job["status"], job["warnings"]) == ("succeeded", ["careful"])
+    assert api.http.get(f"/v1/jobs/{job_id}/result.gcv").content == b"made by the first"
+    assert fleet.job(job_id).attempt == 2
+    assert attempts_in(fleet, job_id) == {"attempt-1"}
+    assert ends_of(fleet, job_id) == ["succeeded"]
+
+
 def test_an_attempt_that_was_given_up_changes_nothing_when_it_wakes(fleet: Fleet) -> None:
     api, first = fleet.start_api(), fleet.start_worker()
     job_id = api.submit(**LONG)
     within(20, lambda: fleet.refining(job_id))
     (asleep,) = first.children()
+    assert os.sched_getscheduler(asleep) == os.SCHED_BATCH
     os.kill(asleep, signal.SIGSTOP)
     fleet.start_worker()
     assert api.outcome(job_id, 40)["status"] == "succeeded"
@@ -78,14 +105,25 @@ def test_a_job_that_kills_its_workers_is_given_up_and_harms_no_other(fleet: Flee
         assert fleet.job(job_id).attempt == 1
 
 
+def test_a_worker_that_is_asked_to_end_finishes_its_job_and_takes_no_other(fleet: Fleet) -> None:
+    api, first = fleet.start_api(), fleet.start_worker()
+    running = api.submit(**LONG | {"max_points": 200})
+    within(20, lambda: fleet.refining(running))
+    waiting = api.submit(**SHORT)
+    assert first.ask_to_stop(signal.SIGTERM, 60) == 0
+    assert (fleet.job(running).status, fleet.job(running).attempt) == ("succeeded", 1)
+    assert fleet.job(waiting).status == "queued"
+    assert fleet.client.llen("gcvec-jobs") == 1
+
+
 def test_a_worker_that_is_sent_away_hands_its_job_back(fleet: Fleet) -> None:
     api, first = fleet.start_api(), fleet.start_worker()
-    job_id = api.submit(**LONG | {"max_points": 900})
+    job_id = api.submit(**ENDLESS)
     within(20, lambda: fleet.refining(job_id))
     fleet.start_worker()
     assert first.ask_to_stop(signal.SIGQUIT) == 0
-    assert api.outcome(job_id, 60)["status"] == "succeeded"
-    assert ends_of(fleet, job_id) == ["succeeded"]
+    within(30, lambda: fleet.refining(job_id, 2))
+    assert ends_of(fleet, job_id) == []
 
 
 def test_a_job_may_not_run_for_ever(start_fleet: Callable[..., Fleet]) -> None:

@@ -17,6 +17,7 @@ import uvicorn
 from PIL import Image
 
 from service.app import create_app
+from service.server import configuration
 from tests.conftest import client_of
 from worker import storage
 from worker.artifacts import KINDS
@@ -41,7 +42,7 @@ def api(settings: Settings) -> Iterator[httpx.Client]:
 def serving(settings: Settings, host: str = "127.0.0.1") -> Iterator[httpx.Client]:
     """The application on a free port, served from a thread of this process."""
     listener = socket.create_server((host, 0))
-    server = uvicorn.Server(uvicorn.Config(create_app(settings), log_level="warning"))
+    server = uvicorn.Server(configuration(create_app(settings)))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
     thread.start()
     try:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import logging
 import resource
+import select
 import socket
 import struct
 import time
 import zipfile
 import zlib
+from collections.abc import Callable
+from contextlib import ExitStack
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -286,7 +289,7 @@ STATED = b"Content-Length: %d\r\n" % len(BODY)
 @pytest.mark.parametrize(
     ("head", "body", "answer"),
     [
-        (b"Content-Length: 50\r\n", BODY, b"HTTP/1.1 422 "),
+        (b"Content-Length: 50\r\n", BODY, b"HTTP/1.1 4"),
         (b"Content-Length: -1\r\n", BODY, b"HTTP/1.1 400 "),
         (b"Content-Length: 1e3\r\n", BODY, b"HTTP/1.1 400 "),
         (b"Content-Length: 5\r\n" + STATED, BODY, b"HTTP/1.1 400 "),
@@ -331,6 +334,49 @@ def test_a_flood_is_refused_before_it_ends(api: httpx.Client) -> None:
         for _ in range(20):
             connection.sendall(b"10000\r\n" + b"x" * 65_536 + b"\r\n")
         assert connection.recv(1_000).startswith(b"HTTP/1.1 413 ")
+
+
+def test_a_crowd_of_large_uploads_is_bounded(api: httpx.Client, eventually: Callable[..., None]) -> None:
+    """Each is small enough, and none has ended: together they are too much."""
+    stated = "Content-Length: 1150000\r\n"
+    head = f"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: {FORM}\r\n{stated}\r\n"
+    with ExitStack() as open_ones:
+        crowd = [
+            open_ones.enter_context(
+                socket.create_connection((api.base_url.host, api.base_url.port or 0), timeout=10)
+            )
+            for _ in range(12)
+        ]
+        for connection in crowd:
+            connection.sendall(head.encode() + START + bytes(1_100_000))
+        eventually(lambda: len(select.select(crowd, [], [], 0)[0]) >= 3)
+        time.sleep(0.2)
+        answered, _, _ = select.select(crowd, [], [], 0)
+        assert 3 <= len(answered) <= 6
+        for connection in answered:
+            answer = connection.recv(2_000)
+            assert answer.startswith(b"HTTP/1.1 503 ")
+            assert b"retry-after: 5" in answer.lower()
+    assert api.post("/v1/jobs", files={"image": IMAGE}).status_code == 202
+
+
+@pytest.mark.parametrize(
+    ("start", "more"),
+    [(b"GET /livez HTTP/1.1\r\nX: ", b"a"), (b"GET /livez HTTP/1.1\r\n", b"X: y\r\n"), (b"GET /", b"a")],
+)
+def test_headers_without_end_are_refused(api: httpx.Client, start: bytes, more: bytes) -> None:
+    with socket.create_connection((api.base_url.host, api.base_url.port or 0), timeout=10) as connection:
+        connection.sendall(start)
+        sent = 0
+        try:
+            while sent < MEGABYTE:
+                sent += connection.send(more * (6_000 // len(more)))
+                time.sleep(0.001)
+        except OSError:  # the server has closed the connection
+            pass
+        assert sent < MEGABYTE
+    assert api.get("/livez").status_code == 200
+    assert api.get("/livez", headers={"X": "a" * 60_000}).status_code == 200
 
 
 def test_a_large_document_of_edits_is_refused(api: httpx.Client) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from gcvec.progress import Progress
 from tests.conftest import client_of
-from worker.attempt import Attempt, StopError
+from worker.attempt import REPORT_SECONDS, Attempt, StopError
 from worker.records import Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
 
 
@@ -47,6 +47,21 @@ def test_every_iteration_becomes_an_event(broker_url: str, records: JobRecords, 
     assert job is not None
     assert job.progress is not None
     assert job.progress["iteration"] == 30
+
+
+def test_iterations_are_told_of_a_few_times_a_second(
+    broker_url: str, records: JobRecords, job_id: str
+) -> None:
+    def calls() -> int:
+        return int(client_of(broker_url).info("commandstats")["cmdstat_evalsha"]["calls"])
+
+    before = calls()
+    with Attempt(records, job_id, 1, seconds=60, retention=60) as attempt:
+        for number in range(1, 101):
+            attempt.on_progress(iteration(number))
+            time.sleep(0.01)
+    assert 2 <= calls() - before <= 1 / REPORT_SECONDS + 2
+    assert client_of(broker_url).xlen(events_key(job_id)) == 100
 
 
 def test_a_cancelled_job_stops_within_a_second(records: JobRecords, job_id: str) -> None:

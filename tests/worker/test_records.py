@@ -149,3 +149,12 @@ def test_what_is_left_of_a_retired_job_is_its_owner(
     assert client.zscore(ACTIVE, job.id) is None
     assert client.zscore(owner_key("me"), job.id) is None
     assert records.run(report(job.id, 1, [{"n": 2}])) == 0
+
+
+def test_a_job_that_nothing_is_known_of_is_not_taken_for_deleted(records: JobRecords, job: Job) -> None:
+    assert not records.unwanted(job.id)
+    assert not records.unwanted("none")
+    records.run(finish(job.id, "canceled", retention=60))
+    assert records.unwanted(job.id)
+    records.run(retire(job.id))
+    assert records.unwanted(job.id)

@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+
+from tests.service.test_submit import refused
+
+
+def test_without_its_folder_the_service_is_not_ready(api: httpx.Client, tmp_path: Path) -> None:
+    folder, away = tmp_path / "storage", tmp_path / "away"
+    assert api.get("/readyz").status_code == 200
+    folder.rename(away)
+    answer = api.get("/readyz")
+    refused(answer, 503, "unavailable")
+    assert int(answer.headers["retry-after"]) > 0
+    assert str(tmp_path) not in answer.text
+    assert api.get("/livez").status_code == 200
+    away.rename(folder)
+    assert api.get("/readyz").status_code == 200

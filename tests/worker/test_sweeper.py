@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import time
+
+import pytest
+import redis
+
+from tests.conftest import client_of
+from worker.app import JOBS_QUEUE, VECTORIZE, create_celery
+from worker.records import Job, JobRecords, claim, create, finish, lease_key
+from worker.settings import Settings
+from worker.sweeper import Sweeper
+
+
+@pytest.fixture
+def client(broker_url: str) -> redis.Redis:
+    client = client_of(broker_url)
+    client.flushall()
+    return client
+
+
+@pytest.fixture
+def records(client: redis.Redis) -> JobRecords:
+    return JobRecords(client)
+
+
+@pytest.fixture
+def sweeper(client: redis.Redis) -> Sweeper:
+    return Sweeper(client, 3600)
+
+
+def waiting(records: JobRecords, name: str, seconds: float) -> None:
+    """Record a job that has waited for so long."""
+    job = Job(id=name, owner="me", status="queued", created_at=time.time() - seconds)
+    assert records.run(create(job, most_jobs=0, most_bytes=0)) == 1
+
+
+def send(broker_url: str, *names: str) -> None:
+    queue = create_celery(Settings(broker_url=broker_url))
+    for name in names:
+        queue.send_task(VECTORIZE, [name])
+    queue.close()
+
+
+def test_a_job_without_a_message_is_lost_after_a_while(records: JobRecords, sweeper: Sweeper) -> None:
+    waiting(records, "old", 60)
+    waiting(records, "new", 1)
+    assert sweeper.lost() == ["old"]
+
+
+def test_a_job_is_lost_when_later_ones_are_next(
+    broker_url: str, records: JobRecords, sweeper: Sweeper
+) -> None:
+    """A queue that is never empty hides none."""
+    waiting(records, "lost", 60)
+    waiting(records, "next", 40)
+    waiting(records, "last", 20)
+    send(broker_url, "next", "last")
+    assert sweeper.lost() == ["lost"]
+
+
+def test_jobs_that_wait_for_their_turn_are_not_lost(
+    broker_url: str, records: JobRecords, sweeper: Sweeper
+) -> None:
+    for name, seconds in (("first", 60), ("second", 40)):
+        waiting(records, name, seconds)
+    send(broker_url, "first", "second")
+    assert sweeper.lost() == []
+    records.run(finish("first", "canceled", retention=60))
+    assert sweeper.lost() == []
+
+
+def test_a_running_job_is_lost_with_its_lease(
+    client: redis.Redis, broker_url: str, records: JobRecords, sweeper: Sweeper
+) -> None:
+    waiting(records, "running", 60)
+    waiting(records, "waiting", 5)
+    send(broker_url, "waiting")
+    assert records.run(claim("running")) == 1
+    assert sweeper.lost() == []
+    client.delete(lease_key("running"))
+    assert sweeper.lost() == ["running"]
+    assert client.llen(JOBS_QUEUE) == 1

@@ -1,0 +1,54 @@
+"""One line a log record, for people or, as JSON, for programs; the latter names the job it is about."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from contextlib import AbstractContextManager
+from typing import Final
+
+import structlog
+from structlog.contextvars import bind_contextvars, bound_contextvars, merge_contextvars
+
+from worker.settings import Settings
+
+_TEXT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+
+
+def start(settings: Settings, level: int = logging.INFO) -> None:
+    """Write all records of this process from now on to standard error."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_json() if settings.log_format == "json" else logging.Formatter(_TEXT))
+    root = logging.getLogger()
+    root.handlers = [handler]
+    root.setLevel(level)
+    logging.getLogger("httpx").setLevel(
+        logging.WARNING
+    )  # else it tells the addresses of webhooks, keys and all
+
+
+def about(job_id: str) -> AbstractContextManager[None]:
+    """Records written within are about this job."""
+    return bound_contextvars(job=job_id)
+
+
+def from_now_on_about(job_id: str) -> None:
+    """Records written by the rest of this request are about this job."""
+    bind_contextvars(job=job_id)
+
+
+def _json() -> logging.Formatter:
+    return structlog.stdlib.ProcessorFormatter(
+        foreign_pre_chain=[
+            merge_contextvars,
+            structlog.stdlib.add_log_level,
+            structlog.stdlib.add_logger_name,
+            structlog.processors.TimeStamper(fmt="iso", utc=True, key="time"),
+            structlog.processors.format_exc_info,
+        ],
+        processors=[
+            structlog.stdlib.ProcessorFormatter.remove_processors_meta,
+            structlog.processors.EventRenamer("message"),
+            structlog.processors.JSONRenderer(),
+        ],
+    )
