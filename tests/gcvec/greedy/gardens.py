@@ -1,0 +1,84 @@
+"""Placements on scenes, and their truth by slow and plain means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcvec.canonical import Canvas, Foundation, lay_unfolded_canvas
+from gcvec.clearance import room
+from gcvec.color_fit import ColorFit, color_fit
+from gcvec.greedy import Placement, begin_placement
+from gcvec.greedy.plot import TRIANGLES, VERTICES, Plot
+from gcvec.greedy.seats import seats
+from tests.gcvec.scenes import SCENES, foundation_of, some_points
+
+PULL = 0.1
+
+
+@dataclass(frozen=True)
+class Garden:
+    """A placement together with what it began from."""
+
+    foundation: Foundation
+    points: np.ndarray
+    canvas: Canvas
+    fit: ColorFit
+    colors: np.ndarray
+    photo: np.ndarray
+    placement: Placement
+
+
+def garden(scene: str, n_points: int, left: int | None = None) -> Garden:
+    """A placement on a scene with random colours at random points; `left` more of them a patch may have."""
+    foundation = foundation_of(scene)
+    canvas, kept = lay_unfolded_canvas(foundation, some_points(foundation, n_points))
+    points = some_points(foundation, n_points)[kept]
+    foundation = canvas.foundation
+    rng = np.random.default_rng(0)
+    noise = rng.uniform(-0.1, 0.1, (*SCENES[scene].labels.shape, 3))
+    photo = (SCENES[scene].picture() / 255.0 * 0.6 + 0.2 + noise).reshape(-1, 3)
+    fit = color_fit(canvas, canvas.coverage(canvas.unit[0]), photo)
+    colors = rng.uniform(0.2, 0.8, (foundation.space.size + len(points), 3))
+    taken = ~room(foundation)
+    taken[points[:, 1], points[:, 0]] = True
+    limit = None if left is None else np.full(len(foundation.network.loops), left)
+    placement = begin_placement(
+        canvas,
+        points,
+        fit.operator @ colors,
+        photo - fit.picture(colors),
+        photo,
+        seats(foundation, taken),
+        limit,
+        PULL,
+        0.4,
+    )
+    return Garden(foundation, points, canvas, fit, colors, photo, placement)
+
+
+def alive(plot: Plot) -> np.ndarray:
+    """Triangles in use."""
+    triangles = np.arange(plot.counts[TRIANGLES])
+    return triangles[plot.triangles[triangles, 0] >= 0]
+
+
+def triangle_keys(plot: Plot) -> set[frozenset[tuple[float, float]]]:
+    """The triangles as sets of places in the domain, which name vertices whatever their numbers."""
+    return {frozenset((float(x), float(y)) for x, y in plot.domain[plot.triangles[t]]) for t in alive(plot)}
+
+
+def painted(plot: Plot, height: int) -> np.ndarray:
+    """The picture of a plot's triangles `(h w, 3)`, entry by entry."""
+    picture = np.zeros((height * plot.width, 3))
+    for t in alive(plot):
+        for e in range(plot.first[t], plot.last[t]):
+            picture[plot.first_row * plot.width + plot.pixel[e]] += (
+                plot.weights[e] @ plot.color[plot.triangles[t]]
+            )
+    return picture
+
+
+def whole_vertices(plot: Plot) -> np.ndarray:
+    return np.flatnonzero(plot.whole[: plot.counts[VERTICES]])

@@ -1,0 +1,103 @@
+"""Placing points: what is claimed of the error holds, and threads do not matter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcvec.greedy import begin
+from gcvec.parallel import use_workers
+from tests.gcvec.greedy.gardens import Garden, alive, garden, painted
+
+
+def unfinished(start: Garden) -> np.ndarray:
+    return np.zeros(len(start.foundation.network.loops), bool)
+
+
+def slow_gain(plot, seats, t: int) -> float:
+    """The most that any pixel of a triangle saves, by the formula, one pixel after another."""
+    own = np.arange(plot.first[t], plot.last[t])
+    area = plot.weights[own].sum(axis=1).astype(float)
+    pixel = plot.pixel[own]
+    best = 0.0
+    for e, a in zip(own, area, strict=True):
+        seat = seats.under[plot.pixel[e] + plot.first_row * plot.width]
+        q = plot.weights[e] / a
+        if a < 0.3 or seats.taken[seat] or seats.patch[seat] != plot.patch[t] or q.min() < 0.02:
+            continue
+        phi = np.maximum((plot.weights[own] / q).min(axis=1), 0)
+        pressure = (phi[:, None] * plot.residual[pixel]).sum(axis=0)
+        best = max(best, float((pressure**2).sum() / (1e-12 + (phi**2 / area).sum())))
+    return best
+
+
+def test_gains_are_those_of_the_formula() -> None:
+    start = garden("voronoi", 300)
+    (plot,) = start.placement.plots
+    seats = start.placement._seats
+    for t in alive(plot)[::11]:
+        assert plot.gain[t] <= slow_gain(plot, seats, t) * (1 + 1e-4) + 1e-9
+        if plot.last[t] - plot.first[t] <= 8:  # all of its pixels are tried
+            assert plot.gain[t] == pytest.approx(slow_gain(plot, seats, t), rel=1e-3, abs=1e-7)
+
+
+@pytest.mark.parametrize("scene", ["ring", "voronoi"])
+def test_the_error_is_that_of_the_picture_it_stands_for(scene: str) -> None:
+    """Photo less picture stays true through points put in, taken out and coloured anew."""
+    start = garden(scene, 100)
+    height = len(start.photo) // start.placement.plots[0].width
+    (plot,) = start.placement.plots
+    rest = start.photo - painted(plot, height) - plot.residual  # borders are straight here
+    assert start.placement.grow(0.4 * start.placement.error, 600)
+    start.placement.thin_out(40, unfinished(start))
+    now = start.photo - painted(plot, height) - rest
+    np.testing.assert_allclose(plot.residual, now, atol=2e-4)
+    assert start.placement.error == pytest.approx((now**2).sum(), rel=1e-3)
+
+
+def test_points_reach_the_goal_and_no_two_share_a_pixel() -> None:
+    start = garden("quadrants", 50)
+    goal = 0.5 * start.placement.error
+    assert start.placement.grow(goal, 3000)
+    assert start.placement.error <= 1.01 * goal
+    points, colors, new = start.placement.result()
+    assert len(np.unique(points, axis=0)) == len(points) == len(colors)
+    assert (np.lexsort((points[:, 0], points[:, 1])) == np.arange(len(points))).all()
+    assert {tuple(p) for p in points[~new].tolist()} == {tuple(p) for p in start.points.tolist()}
+    assert ((colors >= 0) & (colors <= 1)).all()
+
+
+def test_the_least_useful_go_and_their_places_stay_empty() -> None:
+    start = garden("quadrants", 200)
+    start.placement.thin_out(50, unfinished(start))
+    left = {tuple(p) for p in start.placement.result()[0].tolist()}
+    gone = {tuple(p) for p in start.points.tolist()} - left
+    assert 40 <= len(gone) <= 50
+    start.placement.grow(0.5 * start.placement.error, 500)
+    assert not gone & {tuple(p) for p in start.placement.result()[0].tolist()}
+
+
+def test_patches_keep_to_their_bound() -> None:
+    start = garden("quadrants", 40, left=3)
+    assert not start.placement.grow(0.0, 1000)
+    points, _, new = start.placement.result()
+    patch = start.foundation.geometry.patch_at()[points[:, 1], points[:, 0]]
+    assert (np.bincount(patch[new]) == 3).all()
+
+
+def test_strips_and_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut into strips the picture gets as many points, the same ones with one thread as with two."""
+    monkeypatch.setattr(begin, "TRIANGLES_A_PLOT", 100)
+    results = []
+    for workers in (1, 2):
+        use_workers(workers)
+        start = garden("ring", 300)
+        assert len(start.placement.plots) == 4
+        start.placement.grow(0.5 * start.placement.error, 2000)
+        results.append(start.placement.result())
+    for one, two in zip(*results, strict=True):
+        np.testing.assert_array_equal(one, two)
+    monkeypatch.undo()
+    alone = garden("ring", 300)
+    alone.placement.grow(0.5 * alone.placement.error, 2000)
+    assert len(results[0][0]) == pytest.approx(len(alone.placement.result()[0]), rel=0.1)
