@@ -80,7 +80,7 @@ def _blunt(apex: Floats, inward: Floats, picture: Floats) -> NDArray[np.bool_]:
     `inward` `(n, 2)` halves the angle; its length is the sine of half that angle.
     """
     sine = np.hypot(*inward.T)
-    depth, trust = step_shifts(picture, apex, inward / np.maximum(sine, 1e-12)[:, None])
+    depth, trust, _ = step_shifts(picture, apex, inward / np.maximum(sine, 1e-12)[:, None])
     sharp = BLUR * (1 / np.maximum(sine, 0.2) - 1)
     # No depth is no evidence: it compares as false.
     return np.asarray((trust > 0.5) & (depth > sharp + ROUNDING))

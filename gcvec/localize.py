@@ -35,6 +35,9 @@ NODE_SHIFT = 1.25
 
 NEIGHBOURS = 5
 
+SHADING = 6
+"""Samples either way that tell how the sides' shading moves a step."""
+
 NODE_BLUR = 0.8, 3.0
 """Nearer to a node than the first, pixels, the photo says nothing about a single border, and further than the
 second, nothing about another."""
@@ -65,7 +68,7 @@ def _on_steps(
     farthest = np.minimum(NODE_SHIFT * largest_shift, clearance)
     for _ in range(PASSES):
         normals = _normals(chains, points)
-        shift, trust = step_shifts(picture, points, normals)
+        shift, trust = _steps(chains, picture, points, normals)
         clear = _clear_of_nodes(chains, points, nodes)
         seen = np.where(np.isnan(shift)[:, None], origin, points + shift[:, None] * normals)
         points = faired(chains, seen, np.maximum(trust, LEAST_TRUST) * clear**2)
@@ -75,6 +78,25 @@ def _on_steps(
         nodes = placed.nodes + _limited(_on_frame(wanted, traced) - placed.nodes, farthest)
         points = chains.with_ends(points, nodes)
     return chains.put_back(placed, nodes, points, _spread(chains, trust))
+
+
+def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """How far along its normal `(n, 2)` each point is from the step, NaN where that cannot be told, and how
+    surely there is one.
+
+    Shading of the sides draws steps to where the sides are more alike; it varies slowly along a border, and
+    what it does is told from many samples.
+    """
+    shift, trust, shaded = step_shifts(picture, points, normals)
+    around = np.stack([_there(shaded, *chains.along(k)) for k in range(-SHADING, SHADING + 1)])
+    known = np.sort(around, axis=0)
+    count = np.isfinite(known).sum(axis=0)
+    middle = known[np.maximum(count - 1, 0) // 2, np.arange(len(shift))]
+    return shift + np.where(count > SHADING, middle, 0), trust
+
+
+def _there(values: Floats, at: NDArray[np.int64], there: NDArray[np.bool_]) -> Floats:
+    return np.where(there, values[at], np.nan)
 
 
 def _clearance(nodes: Floats) -> Floats:
