@@ -17,6 +17,7 @@ from gcvec.contraction import without_shortest
 from gcvec.corners import cut_at_corners
 from gcvec.fairing import faired
 from gcvec.junctions import meeting_points
+from gcvec.parallel import in_shares
 from gcvec.profile import step_shifts
 
 Floats = NDArray[np.float64]
@@ -87,7 +88,8 @@ def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> 
     Shading of the sides draws steps to where the sides are more alike; it varies slowly along a border, and
     what it does is told from many samples.
     """
-    shift, trust, shaded = step_shifts(picture, points, normals)
+    shares = in_shares(lambda a, b: step_shifts(picture, points[a:b], normals[a:b]), len(points))
+    shift, trust, shaded = (np.concatenate(parts) for parts in zip(*shares, strict=True))
     around = np.stack([_there(shaded, *chains.along(k)) for k in range(-SHADING, SHADING + 1)])
     known = np.sort(around, axis=0)
     count = np.isfinite(known).sum(axis=0)

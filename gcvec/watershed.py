@@ -1,0 +1,97 @@
+"""Watershed by flooding from seeds (Meyer 1994): a pixel goes to the seed whose flood reaches it first."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Values = NDArray[np.float32] | NDArray[np.float64]
+
+
+def flooded(values: Values, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The labels `(h, w)` of pixels flooded from `seeds` `(h, w)`, which are 0 where there is none.
+
+    A flood rises over `values` `(h, w)` and spreads to the four neighbours, the lowest pixel first, of equal
+    ones that which was reached first, of seeds the first in raster order.
+    """
+    labels = np.ascontiguousarray(seeds, np.int32).copy()
+    _flood(values, labels)
+    return labels
+
+
+@njit(cache=True, nogil=True)
+def _flood(values, labels):
+    height, width = labels.shape
+    # A binary heap of pixels by value and by age, the number of those that were reached before.
+    heap = np.empty(height * width, np.int64)
+    age = np.zeros(height * width, np.int64)
+    size, born = 0, 0
+    flat = labels.ravel()
+    level = values.ravel()
+    for pixel in range(height * width):
+        y, x = pixel // width, pixel % width
+        if flat[pixel] == 0:
+            continue
+        if (
+            (y > 0 and flat[pixel - width] == 0)
+            or (x > 0 and flat[pixel - 1] == 0)
+            or (x < width - 1 and flat[pixel + 1] == 0)
+            or (y < height - 1 and flat[pixel + width] == 0)
+        ):
+            age[pixel] = born
+            born += 1
+            size = _push(heap, size, pixel, level, age)
+    while size:
+        pixel = heap[0]
+        size = _pop(heap, size, level, age)
+        y, x = pixel // width, pixel % width
+        for k in range(4):
+            if k == 0:
+                inside, other = y > 0, pixel - width
+            elif k == 1:
+                inside, other = x > 0, pixel - 1
+            elif k == 2:
+                inside, other = x < width - 1, pixel + 1
+            else:
+                inside, other = y < height - 1, pixel + width
+            if inside and flat[other] == 0:
+                flat[other] = flat[pixel]
+                age[other] = born
+                born += 1
+                size = _push(heap, size, other, level, age)
+
+
+@njit(cache=True, nogil=True)
+def _before(a, b, level, age):
+    return level[a] < level[b] or (level[a] == level[b] and age[a] < age[b])
+
+
+@njit(cache=True, nogil=True)
+def _push(heap, size, pixel, level, age):
+    k = size
+    while k > 0:
+        parent = (k - 1) // 2
+        if not _before(pixel, heap[parent], level, age):
+            break
+        heap[k] = heap[parent]
+        k = parent
+    heap[k] = pixel
+    return size + 1
+
+
+@njit(cache=True, nogil=True)
+def _pop(heap, size, level, age):
+    size -= 1
+    pixel = heap[size]
+    k = 0
+    while 2 * k + 1 < size:
+        child = 2 * k + 1
+        if child + 1 < size and _before(heap[child + 1], heap[child], level, age):
+            child += 1
+        if not _before(heap[child], pixel, level, age):
+            break
+        heap[k] = heap[child]
+        k = child
+    heap[k] = pixel
+    return size
