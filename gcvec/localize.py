@@ -8,8 +8,8 @@ to where the step of equal area would stand; nodes move to where the borders tha
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from gcvec.borders import Borders
 from gcvec.chains import Chains, chains_of
@@ -33,6 +33,9 @@ LEAST_TRUST = 0.001
 
 NODE_SHIFT = 1.25
 """A node may move so many times further, twice: label maps round corners off."""
+
+REMOTE = 6.0
+"""Nodes further than this from each other cannot change places, pixels."""
 
 NEIGHBOURS = 5
 
@@ -78,7 +81,7 @@ def _on_steps(
         wanted = meeting_points(chains, points, trust, nodes)
         nodes = placed.nodes + _limited(_on_frame(wanted, traced) - placed.nodes, farthest)
         points = chains.with_ends(points, nodes)
-    return chains.put_back(placed, nodes, points, _spread(chains, trust))
+    return chains.put_back(placed, nodes, points, _spread(trust, chains.offsets, chains.closed))
 
 
 def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
@@ -90,21 +93,60 @@ def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> 
     """
     shares = in_shares(lambda a, b: step_shifts(picture, points[a:b], normals[a:b]), len(points))
     shift, trust, shaded = (np.concatenate(parts) for parts in zip(*shares, strict=True))
-    around = np.stack([_there(shaded, *chains.along(k)) for k in range(-SHADING, SHADING + 1)])
-    known = np.sort(around, axis=0)
-    count = np.isfinite(known).sum(axis=0)
-    middle = known[np.maximum(count - 1, 0) // 2, np.arange(len(shift))]
-    return shift + np.where(count > SHADING, middle, 0), trust
+    return shift + _running_median(shaded, chains.offsets, chains.closed), trust
 
 
-def _there(values: Floats, at: NDArray[np.int64], there: NDArray[np.bool_]) -> Floats:
-    return np.where(there, values[at], np.nan)
+@njit(cache=True, nogil=True)
+def _running_median(values, offsets, closed):
+    """The median `(n,)` of the values known, not NaN, within `SHADING` samples along the chains; 0 where they
+    are few."""
+    medians = np.zeros(len(values))
+    near = np.empty(2 * SHADING + 1)
+    for chain in range(len(closed)):
+        first, size = offsets[chain], offsets[chain + 1] - offsets[chain]
+        for k in range(size):
+            count = 0
+            for i in range(k - SHADING, k + SHADING + 1):
+                if closed[chain] and size > 2 * SHADING:
+                    value = values[first + i % size]
+                elif 0 <= i < size:
+                    value = values[first + i]
+                else:
+                    continue
+                if np.isfinite(value):
+                    place = count
+                    while place > 0 and near[place - 1] > value:
+                        near[place] = near[place - 1]
+                        place -= 1
+                    near[place] = value
+                    count += 1
+            if count > SHADING:
+                medians[first + k] = near[(count - 1) // 2]
+    return medians
 
 
 def _clearance(nodes: Floats) -> Floats:
     """How far nodes can move `(k,)` and yet not change places: less than half-way to the next."""
-    distance = np.asarray(KDTree(nodes).query(nodes, k=[2])[0])
-    return np.asarray(np.maximum(0.45 * distance[:, 0], 0.45))
+    return np.asarray(np.maximum(0.45 * _nearest_other(nodes), 0.45))
+
+
+@njit(cache=True, nogil=True)
+def _nearest_other(nodes):
+    """The distance `(k,)` of every node from the nearest other one, infinite if all are `REMOTE`."""
+    order = np.argsort(nodes[:, 0])
+    nearest = np.full(len(nodes), np.inf)
+    for i in range(len(nodes)):
+        a = order[i]
+        for j in range(i + 1, len(nodes)):
+            b = order[j]
+            ahead = nodes[b, 0] - nodes[a, 0]
+            if ahead >= REMOTE:
+                break
+            distance = np.hypot(ahead, nodes[b, 1] - nodes[a, 1])
+            if distance < REMOTE:
+                nearest[a] = min(nearest[a], distance)
+                nearest[b] = min(nearest[b], distance)
+    return nearest
 
 
 def _limited(shift: Floats, largest: Floats | float) -> Floats:
@@ -131,13 +173,18 @@ def _clear_of_nodes(chains: Chains, points: Floats, nodes: Floats) -> Floats:
     return np.where(chains.closed[chains.of_sample], 1.0, clear)
 
 
-def _spread(chains: Chains, trust: Floats) -> Floats:
+@njit(cache=True, nogil=True)
+def _spread(trust, offsets, closed):
     """The trust `(n,)` that the best neighbours lend: between and beside sure samples a border is known."""
-    lent = trust
-    for k in range(1, NEIGHBOURS + 1):
-        for steps in (-k, k):
-            other, there = chains.along(steps)
-            lent = np.maximum(lent, np.where(there, trust[other], 0))
+    lent = trust.copy()
+    for chain in range(len(closed)):
+        first, size = offsets[chain], offsets[chain + 1] - offsets[chain]
+        for k in range(size):
+            for i in range(k - NEIGHBOURS, k + NEIGHBOURS + 1):
+                if closed[chain]:
+                    lent[first + k] = max(lent[first + k], trust[first + i % size])
+                elif 0 <= i < size:
+                    lent[first + k] = max(lent[first + k], trust[first + i])
     return lent
 
 
