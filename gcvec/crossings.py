@@ -60,8 +60,10 @@ def _side(a: _Point, b: _Point, p: _Point) -> int:
 
 def _cells(segments: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The segments in each cell, one cell after another, and where each cell's begin."""
-    low = segments.min(axis=(0, 1), initial=0.0)
-    columns, rows = (int(n) // int(CELL) + 1 for n in segments.max(axis=(0, 1), initial=0.0) - low)
+    x, y = segments[..., 0], segments[..., 1]
+    low = np.array([x.min(initial=0.0), y.min(initial=0.0)])
+    columns = int((x.max(initial=0.0) - low[0]) // CELL) + 1
+    rows = int((y.max(initial=0.0) - low[1]) // CELL) + 1
     cell, segment = _cells_met(segments, low, columns, rows)
     order = np.argsort(cell, kind="stable")
     starts = np.searchsorted(cell[order], np.arange(columns * rows + 1))

@@ -32,7 +32,7 @@ _PER_SIDE, _FLANK = round(REACH / SPACING), round(FLANK / SPACING)
 
 
 @njit(cache=True, nogil=True)
-def _color_at(picture, x, y, out):
+def color_at(picture, x, y, out):
     """Bilinear interpolation between pixel centres, clamped at the frame."""
     height, width = picture.shape[:2]
     x = min(max(x - 0.5, 0.0), width - 1.0)
@@ -136,7 +136,7 @@ def step_shifts(picture, points, normals):
         for k in range(-_PER_SIDE, _PER_SIDE + 1):
             x = points[i, 0] + k * SPACING * normals[i, 0]
             y = points[i, 1] + k * SPACING * normals[i, 1]
-            _color_at(picture, x, y, profile[k + _PER_SIDE])
+            color_at(picture, x, y, profile[k + _PER_SIDE])
         step, spread, _ = _sides(profile, False, low, low_slope, high, high_slope)
         if step < 3 * LEAST_STEP**2:
             continue
