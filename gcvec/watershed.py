@@ -20,6 +20,46 @@ def flooded(values: Values, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
     return labels
 
 
+def minima(values: Values) -> NDArray[np.int32]:
+    """Every local minimum, numbered from 1 in raster order, else 0, `(h, w)`: connected pixels of one value
+    without a lower one beside them."""
+    return np.asarray(_minima(values))
+
+
+@njit(cache=True, nogil=True)
+def _minima(values):
+    height, width = values.shape
+    found = np.zeros((height, width), np.int32)
+    seen = np.zeros((height, width), np.bool_)
+    stack = np.empty(height * width, np.int64)
+    count = 0
+    for y0 in range(height):
+        for x0 in range(width):
+            if seen[y0, x0]:
+                continue
+            seen[y0, x0] = True
+            level, lowest = values[y0, x0], True
+            stack[0] = y0 * width + x0
+            n, k = 1, 0
+            while k < n:
+                y, x = stack[k] // width, stack[k] % width
+                k += 1
+                for v, u in ((y - 1, x), (y, x - 1), (y, x + 1), (y + 1, x)):
+                    if v < 0 or u < 0 or v >= height or u >= width:
+                        continue
+                    if values[v, u] < level:
+                        lowest = False
+                    elif values[v, u] == level and not seen[v, u]:
+                        seen[v, u] = True
+                        stack[n] = v * width + u
+                        n += 1
+            if lowest:
+                count += 1
+                for k in range(n):
+                    found[stack[k] // width, stack[k] % width] = count
+    return found
+
+
 @njit(cache=True, nogil=True)
 def _flood(values, labels):
     height, width = labels.shape

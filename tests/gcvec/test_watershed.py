@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from skimage import measure, morphology
 from skimage.segmentation import watershed
 
-from gcvec.watershed import flooded
+from gcvec.watershed import flooded, minima
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 30), (30, 1), (40, 50)])
@@ -29,3 +30,14 @@ def test_seeds_are_not_changed() -> None:
     seeds = np.array([[1, 0, 2]], np.int32)
     flooded(np.zeros((1, 3)), seeds)
     np.testing.assert_array_equal(seeds, [[1, 0, 2]])
+
+
+@pytest.mark.parametrize("levels", [3, 1000])
+def test_minima_equal_scikit_images(levels: int) -> None:
+    values = np.random.default_rng(levels).integers(0, levels, (40, 50)).astype(np.float32)
+    expected = measure.label(morphology.local_minima(values, connectivity=1), connectivity=1)
+    np.testing.assert_array_equal(minima(values), expected)
+
+
+def test_a_flat_picture_is_one_minimum() -> None:
+    np.testing.assert_array_equal(minima(np.zeros((3, 4))), np.ones((3, 4)))
