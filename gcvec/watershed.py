@@ -12,11 +12,12 @@ Values = NDArray[np.float32] | NDArray[np.float64]
 def flooded(values: Values, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
     """The labels `(h, w)` of pixels flooded from `seeds` `(h, w)`, which are 0 where there is none.
 
-    A flood rises over `values` `(h, w)` and spreads to the four neighbours, the lowest pixel first, of equal
-    ones that which was reached first, of seeds the first in raster order.
+    A flood rises over `values` `(h, w)`, which are not negative, and spreads to the four neighbours, the
+    lowest pixel first, of equal ones that which was reached first, of seeds the first in raster order.
     """
     labels = np.ascontiguousarray(seeds, np.int32).copy()
-    _flood(values, labels)
+    # Floats that are not negative are ordered as their bits are.
+    _flood(np.ascontiguousarray(values, np.float32).view(np.int32), labels)
     return labels
 
 
@@ -61,30 +62,26 @@ def _minima(values):
 
 
 @njit(cache=True, nogil=True)
-def _flood(values, labels):
+def _flood(levels, labels):
     height, width = labels.shape
-    # A binary heap of pixels by value and by age, the number of those that were reached before.
-    heap = np.empty(height * width, np.int64)
-    age = np.zeros(height * width, np.int64)
+    # A binary heap of pixels by level and by age, the number of those that were reached before.
+    heap, keys = np.empty(height * width, np.int32), np.empty(height * width, np.int64)
     size, born = 0, 0
-    flat = labels.ravel()
-    level = values.ravel()
-    for pixel in range(height * width):
-        y, x = pixel // width, pixel % width
-        if flat[pixel] == 0:
-            continue
-        if (
-            (y > 0 and flat[pixel - width] == 0)
-            or (x > 0 and flat[pixel - 1] == 0)
-            or (x < width - 1 and flat[pixel + 1] == 0)
-            or (y < height - 1 and flat[pixel + width] == 0)
-        ):
-            age[pixel] = born
-            born += 1
-            size = _push(heap, size, pixel, level, age)
+    flat, level = labels.ravel(), levels.ravel()
+    for y in range(height):
+        for x in range(width):
+            pixel = y * width + x
+            if flat[pixel] != 0 and (
+                (y > 0 and flat[pixel - width] == 0)
+                or (x > 0 and flat[pixel - 1] == 0)
+                or (x < width - 1 and flat[pixel + 1] == 0)
+                or (y < height - 1 and flat[pixel + width] == 0)
+            ):
+                size = _push(heap, keys, size, pixel, (np.int64(level[pixel]) << 32) | born)
+                born += 1
     while size:
-        pixel = heap[0]
-        size = _pop(heap, size, level, age)
+        pixel = np.int64(heap[0])
+        size = _pop(heap, keys, size)
         y, x = pixel // width, pixel % width
         for k in range(4):
             if k == 0:
@@ -97,41 +94,35 @@ def _flood(values, labels):
                 inside, other = y < height - 1, pixel + width
             if inside and flat[other] == 0:
                 flat[other] = flat[pixel]
-                age[other] = born
+                size = _push(heap, keys, size, other, (np.int64(level[other]) << 32) | born)
                 born += 1
-                size = _push(heap, size, other, level, age)
 
 
 @njit(cache=True, nogil=True)
-def _before(a, b, level, age):
-    return level[a] < level[b] or (level[a] == level[b] and age[a] < age[b])
-
-
-@njit(cache=True, nogil=True)
-def _push(heap, size, pixel, level, age):
+def _push(heap, keys, size, pixel, key):
     k = size
     while k > 0:
         parent = (k - 1) // 2
-        if not _before(pixel, heap[parent], level, age):
+        if keys[parent] < key:
             break
-        heap[k] = heap[parent]
+        heap[k], keys[k] = heap[parent], keys[parent]
         k = parent
-    heap[k] = pixel
+    heap[k], keys[k] = pixel, key
     return size + 1
 
 
 @njit(cache=True, nogil=True)
-def _pop(heap, size, level, age):
+def _pop(heap, keys, size):
     size -= 1
-    pixel = heap[size]
+    pixel, key = heap[size], keys[size]
     k = 0
     while 2 * k + 1 < size:
         child = 2 * k + 1
-        if child + 1 < size and _before(heap[child + 1], heap[child], level, age):
+        if child + 1 < size and keys[child + 1] < keys[child]:
             child += 1
-        if not _before(heap[child], pixel, level, age):
+        if key < keys[child]:
             break
-        heap[k] = heap[child]
+        heap[k], keys[k] = heap[child], keys[child]
         k = child
-    heap[k] = pixel
+    heap[k], keys[k] = pixel, key
     return size

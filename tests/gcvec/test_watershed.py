@@ -13,7 +13,7 @@ from gcvec.watershed import flooded, minima
 @pytest.mark.parametrize("shape", [(1, 1), (1, 30), (30, 1), (40, 50)])
 def test_floods_equal_scikit_images(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(7)
-    values = rng.random(shape)
+    values = rng.random(shape).astype(np.float32)
     seeds = np.where(rng.random(shape) < 0.05, rng.integers(1, 9, shape), 0).astype(np.int32)
     seeds[0, 0] = 1
     np.testing.assert_array_equal(flooded(values, seeds), watershed(values, seeds, connectivity=1))
