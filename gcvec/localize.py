@@ -42,6 +42,9 @@ NEIGHBOURS = 5
 SHADING = 6
 """Samples either way that tell how the sides' shading moves a step."""
 
+DOUBT = 16.0
+"""How many times its own variance the square of what they tell must exceed to be believed by half."""
+
 NODE_BLUR = 0.8, 3.0
 """Nearer to a node than the first, pixels, the photo says nothing about a single border, and further than the
 second, nothing about another."""
@@ -98,8 +101,8 @@ def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> 
 
 @njit(cache=True, nogil=True)
 def _running_median(values, offsets, closed):
-    """The median `(n,)` of the values known, not NaN, within `SHADING` samples along the chains; 0 where they
-    are few."""
+    """The median `(n,)` of the values known, not NaN, within `SHADING` samples along the chains, the smaller
+    the less sure it is; 0 where they are few."""
     medians = np.zeros(len(values))
     near = np.empty(2 * SHADING + 1)
     for chain in range(len(closed)):
@@ -121,7 +124,11 @@ def _running_median(values, offsets, closed):
                     near[place] = value
                     count += 1
             if count > SHADING:
-                medians[first + k] = near[(count - 1) // 2]
+                middle = near[(count - 1) // 2]
+                spread = near[(3 * count) // 4] - near[count // 4]
+                # With `spread` between their quartiles, that is about its variance.
+                variance = spread * spread / count
+                medians[first + k] = middle**3 / (middle * middle + DOUBT * variance + 1e-12)
     return medians
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from gcvec.chains import Chains
 from gcvec.fairing import OVERLAP, STIFFNESS, faired
-from gcvec.localize import NEIGHBOURS, REMOTE, SHADING, _nearest_other, _running_median, _spread
+from gcvec.localize import DOUBT, NEIGHBOURS, REMOTE, SHADING, _nearest_other, _running_median, _spread
 
 
 def chains(sizes: tuple[int, ...], closed: tuple[bool, ...]) -> Chains:
@@ -36,8 +36,11 @@ def test_running_median() -> None:
             round_ = bool(closed) and size > 2 * SHADING
             near = values[first + np.array(neighbours(k, size, round_, SHADING))]
             known = np.sort(near[np.isfinite(near)])
-            expected = known[(len(known) - 1) // 2] if len(known) > SHADING else 0
-            assert found[first + k] == expected
+            expected, n = 0.0, len(known)
+            if n > SHADING:
+                middle, spread = known[(n - 1) // 2], known[3 * n // 4] - known[n // 4]
+                expected = middle / (1 + DOUBT * spread**2 / n / middle**2)
+            assert found[first + k] == pytest.approx(expected, abs=1e-9)
 
 
 def test_trust_spreads_from_the_best_neighbour() -> None:
