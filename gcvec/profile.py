@@ -70,8 +70,8 @@ def _line_through(profile, sign, sloped, color, slope):
 
 @njit(cache=True, nogil=True)
 def _sides(profile, sloped, low, low_slope, high, high_slope):
-    """Both sides' lines; returns the squared step between them, and the squares of how far they spread and
-    of how far they change between the line and their flanks, as shares of it."""
+    """Both sides' lines; returns the squares of the step between them, of how far they spread and of how far
+    they change between the line and their flanks."""
     spread = _line_through(profile, -1, sloped, low, low_slope)
     spread = (spread + _line_through(profile, 1, sloped, high, high_slope)) / 2
     step, ramp = 0.0, 0.0
@@ -79,9 +79,20 @@ def _sides(profile, sloped, low, low_slope, high, high_slope):
     for c in range(3):
         step += (high[c] - low[c]) ** 2
         ramp += (reach * max(abs(low_slope[c]), abs(high_slope[c]))) ** 2
-    if step == 0.0:
-        return 0.0, np.inf, np.inf
-    return step, spread / step, ramp / step
+    return step, spread, ramp
+
+
+@njit(cache=True, nogil=True)
+def _thin(profile, low, high, spread):
+    """Whether between even sides of one colour there is something of another: a line too thin for its borders
+    to be told apart."""
+    largest = 0.0
+    for k in range(_PER_SIDE - _FLANK, _PER_SIDE + _FLANK + 1):
+        square = 0.0
+        for c in range(3):
+            square += (profile[k, c] - (low[c] + high[c]) / 2) ** 2
+        largest = max(largest, square)
+    return largest >= 3 * SURE_STEP**2 and spread <= LARGEST_SPREAD**2 * largest
 
 
 @njit(cache=True, nogil=True)
@@ -139,13 +150,16 @@ def step_shifts(picture, points, normals):
             color_at(picture, x, y, profile[k + _PER_SIDE])
         step, spread, _ = _sides(profile, False, low, low_slope, high, high_slope)
         if step < 3 * LEAST_STEP**2:
+            if _thin(profile, low, high, spread):
+                trust[i] = UNEVEN
             continue
         trust[i] = min(np.sqrt(step / 3) / SURE_STEP, 1.0)
-        if spread > LARGEST_SPREAD**2:
+        if spread > LARGEST_SPREAD**2 * step:
             trust[i] *= UNEVEN
             continue
         shift[i] = _flat_step(profile, low, high)
         step, spread, ramp = _sides(profile, True, low, low_slope, high, high_slope)
-        if step >= 3 * LEAST_STEP**2 and ramp <= LARGEST_RAMP**2 and spread <= LARGEST_SPREAD**2:
+        even = ramp <= LARGEST_RAMP**2 * step and spread <= LARGEST_SPREAD**2 * step
+        if step >= 3 * LEAST_STEP**2 and even:
             shaded[i] = _shaded_step(profile, low, low_slope, high, high_slope) - shift[i]
     return shift, trust, shaded

@@ -34,7 +34,10 @@ def slow_step(picture: np.ndarray, point: np.ndarray, normal: np.ndarray) -> tup
     low, high, spread = slow_sides(profile, 0)
     step = high(0) - low(0)
     if step @ step < 3 * LEAST_STEP**2:
-        return np.nan, 0.0, np.nan
+        middle = profile[np.abs(OFFSETS) <= FLANK] - (low(0) + high(0)) / 2
+        largest = (middle**2).sum(axis=1).max()
+        thin = largest >= 3 * SURE_STEP**2 and spread <= LARGEST_SPREAD**2 * largest
+        return np.nan, UNEVEN * thin, np.nan
     trust = min(np.sqrt(step @ step / 3) / SURE_STEP, 1.0)
     if spread > LARGEST_SPREAD**2 * step @ step:
         return np.nan, trust * UNEVEN, np.nan
@@ -104,3 +107,13 @@ def test_no_step_no_shift() -> None:
     )
     assert np.isnan([shift[0], shaded[0]]).all()
     assert trust[0] == 0
+
+
+def test_a_line_too_thin_is_seen_but_not_measured() -> None:
+    """A line of one pixel: the border on either side stays where it was drawn, and is no matter of taste."""
+    picture = np.full((9, 20, 3), 0.3)
+    picture[:, 10] = 0.8
+    for x in (10.0, 11.0):
+        shift, trust, shaded = step_shifts(picture, np.array([[x, 4.5]]), np.array([[1.0, 0.0]]))
+        assert np.isnan([shift[0], shaded[0]]).all()
+        assert trust[0] == UNEVEN
