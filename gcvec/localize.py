@@ -45,9 +45,11 @@ SHADING = 6
 DOUBT = 16.0
 """How many times its own variance the square of what they tell must exceed to be believed by half."""
 
-NODE_BLUR = 0.8, 3.0
-"""Nearer to a node than the first, pixels, the photo says nothing about a single border, and further than the
-second, nothing about another."""
+NEAREST = 0.8
+"""Nearer to a node, pixels, the photo says nothing about a single border."""
+
+CORNER_BLUR, JUNCTION_BLUR = 2.0, 3.0
+"""Further from a node it says nothing about another, where one border turns and where several meet."""
 
 
 def localized(
@@ -73,10 +75,11 @@ def _on_steps(
     points = chains.joined([border.samples for border in placed.borders])
     nodes, trust = placed.nodes, np.zeros(len(points))
     farthest = np.minimum(NODE_SHIFT * largest_shift, clearance)
+    blur = np.where(_ends_at_nodes(placed) > 2, JUNCTION_BLUR, CORNER_BLUR)
     for _ in range(PASSES):
         normals = _normals(chains, points)
         shift, trust = _steps(chains, picture, points, normals)
-        clear = _clear_of_nodes(chains, points, nodes)
+        clear = _clear_of_nodes(chains, points, nodes, blur)
         seen = np.where(np.isnan(shift)[:, None], origin, points + shift[:, None] * normals)
         points = faired(chains, seen, np.maximum(trust, LEAST_TRUST) * clear**2)
         trust = trust * clear
@@ -168,15 +171,23 @@ def _on_frame(wanted: Floats, traced: Borders) -> Floats:
     return np.where(fixed, traced.nodes, np.clip(wanted, 0, size))
 
 
-def _clear_of_nodes(chains: Chains, points: Floats, nodes: Floats) -> Floats:
-    """How far each sample counts `(n,)`, given how near its chain's ends are."""
+def _ends_at_nodes(placed: Borders) -> NDArray[np.int64]:
+    """How many borders end at each node `(k,)`."""
+    ends = [node for b in placed.borders if not b.closed for node in (b.start, b.end)]
+    return np.bincount(np.array(ends, np.int64), minlength=len(placed.nodes))
+
+
+def _clear_of_nodes(chains: Chains, points: Floats, nodes: Floats, blur: Floats) -> Floats:
+    """How far each sample counts `(n,)`, given how near its chain's ends are and how far, `(k,)`, their blur
+    reaches."""
     ends = chains.nodes[chains.of_sample]
-    a, b = nodes[ends[:, 0]], nodes[ends[:, 1]]
-    away = np.minimum(np.hypot(*(points - a).T), np.hypot(*(points - b).T))
     # The middle third of a short border is all that there is.
-    near, far = NODE_BLUR
-    reach = np.clip(np.diff(chains.offsets)[chains.of_sample] * (0.8 / 3), near + 0.5, far)
-    clear = np.clip((away - near) / (reach - near), 0, 1) ** 2
+    third = np.diff(chains.offsets)[chains.of_sample] * (0.8 / 3)
+    clear = np.ones(len(points))
+    for end in ends.T:
+        away = np.hypot(*(points - nodes[end]).T)
+        reach = np.clip(third, NEAREST + 0.5, blur[end])
+        clear = np.minimum(clear, np.clip((away - NEAREST) / (reach - NEAREST), 0, 1) ** 2)
     return np.where(chains.closed[chains.of_sample], 1.0, clear)
 
 

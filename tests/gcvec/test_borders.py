@@ -67,7 +67,7 @@ def points_of(curve: Curve) -> np.ndarray:
 def test_curves_part_at_every_corner(scene: Buildings, network: Network) -> None:
     assert len(scene.corners) >= 12
     off = nearest(nodes_with(network, range(2, 3)), scene.corners)
-    assert off.max() <= 0.25, scene.corners[off > 0.25]
+    assert off.max() <= 0.2, scene.corners[off > 0.2]
 
 
 def test_curves_part_nowhere_else(scene: Buildings, network: Network) -> None:
@@ -93,8 +93,8 @@ def test_four_and_five_regions_meet_in_one_junction(scene: Buildings, network: N
 def test_arcs_follow_the_true_borders(scene: Buildings, network: Network) -> None:
     points = np.concatenate([points_of(curve) for curve in inner(network)])
     off = shapely.distance(scene.borders, shapely.points(points))
-    assert np.sqrt((off**2).mean()) <= 0.08
-    assert np.quantile(off, 0.99) <= 0.35
+    assert np.sqrt((off**2).mean()) <= 0.07
+    assert np.quantile(off, 0.99) <= 0.3
 
 
 def test_curves_are_smooth_at_polygon_vertices(network: Network) -> None:
