@@ -21,7 +21,7 @@ from gcvec.spline_fit import fit_all_within
 
 Floats = NDArray[np.float64]
 
-DISTANCE, SOFT_DISTANCE = 0.45, 0.6
+DISTANCE, SOFT_DISTANCE = 0.38, 0.6
 """Largest distances of a curve from samples of its border that the photo shows, and from those it does not,
 pixels."""
 

@@ -81,12 +81,14 @@ def _on_steps(
         shift, trust = _steps(chains, picture, points, normals)
         clear = _clear_of_nodes(chains, points, nodes, blur)
         seen = np.where(np.isnan(shift)[:, None], origin, points + shift[:, None] * normals)
-        points = faired(chains, seen, np.maximum(trust, LEAST_TRUST) * clear**2)
+        weight = np.maximum(trust, LEAST_TRUST) * clear**2
+        points = faired(chains, seen, weight)
         trust = trust * clear
         points = origin + _limited(points - origin, largest_shift * (2 - clear))
         wanted = meeting_points(chains, points, trust, nodes)
         nodes = placed.nodes + _limited(_on_frame(wanted, traced) - placed.nodes, farthest)
-        points = chains.with_ends(points, nodes)
+        # Next to a node that has moved, borders run straight to it.
+        points = faired(chains, chains.with_ends(points, nodes), weight)
     return chains.put_back(placed, nodes, points, _spread(trust, chains.offsets, chains.closed))
 
 

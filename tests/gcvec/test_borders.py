@@ -93,8 +93,8 @@ def test_four_and_five_regions_meet_in_one_junction(scene: Buildings, network: N
 def test_arcs_follow_the_true_borders(scene: Buildings, network: Network) -> None:
     points = np.concatenate([points_of(curve) for curve in inner(network)])
     off = shapely.distance(scene.borders, shapely.points(points))
-    assert np.sqrt((off**2).mean()) <= 0.07
-    assert np.quantile(off, 0.99) <= 0.3
+    assert np.sqrt((off**2).mean()) <= 0.04
+    assert np.quantile(off, 0.99) <= 0.15
 
 
 def test_curves_are_smooth_at_polygon_vertices(network: Network) -> None:
@@ -130,3 +130,15 @@ def test_circles_are_round(seed: int) -> None:
     for curve in arcs:
         off = scene.distance_to_circles(points_of(curve))
         assert np.sqrt((off**2).mean()) <= 0.05
+
+
+def test_borders_run_straight_to_their_nodes(network: Network) -> None:
+    """No hook: next to its ends, where the photo says little, a curve hardly turns."""
+    for curve in inner(network):
+        points = points_of(curve)
+        way = np.diff(points, axis=0)
+        run = np.cumsum(np.hypot(*way.T))
+        angle = np.arctan2(way[:, 1], way[:, 0])
+        turn = np.abs((np.diff(angle) + np.pi) % (2 * np.pi) - np.pi)
+        for near in (run[:-1] < 3.5, run[:-1] > run[-1] - 3.5):
+            assert curve.closed or np.rad2deg(turn[near].sum()) < 60
