@@ -141,4 +141,4 @@ def test_borders_run_straight_to_their_nodes(network: Network) -> None:
         angle = np.arctan2(way[:, 1], way[:, 0])
         turn = np.abs((np.diff(angle) + np.pi) % (2 * np.pi) - np.pi)
         for near in (run[:-1] < 3.5, run[:-1] > run[-1] - 3.5):
-            assert curve.closed or np.rad2deg(turn[near].sum()) < 60
+            assert curve.closed or np.rad2deg(turn[near].sum()) < 25
