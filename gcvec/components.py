@@ -31,20 +31,13 @@ def _components(owners):
                 labels[y, x] = labels[y, x - 1]
                 # Where the pixels above are joined too, so are these.
                 if above and owners[y - 1, x - 1] != owners[y, x]:
-                    _join(parent, labels[y, x], labels[y - 1, x])
+                    join(parent, labels[y, x], labels[y - 1, x])
             elif above:
                 labels[y, x] = labels[y - 1, x]
             else:
                 labels[y, x] = parent[count] = count
                 count += 1
-    number = np.empty(count, np.int32)
-    found = 0
-    for k in range(count):
-        if parent[k] == k:
-            number[k] = found
-            found += 1
-        else:
-            number[k] = number[parent[k]]
+    number = set_numbers(parent[:count])
     for y in range(height):
         for x in range(width):
             labels[y, x] = number[labels[y, x]]
@@ -52,7 +45,9 @@ def _components(owners):
 
 
 @numba.njit(cache=True, nogil=True)
-def _join(parent, a, b):
+def join(parent, a, b):
+    """Unite the sets of `a` and `b`, in place: `parent` `(n,)` leads from each element to the least of its
+    set, which is its own parent."""
     while parent[a] != a:
         parent[a] = parent[parent[a]]
         a = parent[a]
@@ -60,6 +55,21 @@ def _join(parent, a, b):
         parent[b] = parent[parent[b]]
         b = parent[b]
     parent[max(a, b)] = min(a, b)
+
+
+@numba.njit(cache=True, nogil=True)
+def set_numbers(parent):
+    """The set `(n,)` of each element, numbered from 0 in the order of their least elements."""
+    number = np.empty_like(parent)
+    found = 0
+    for k in range(len(parent)):
+        # A parent comes before its children.
+        if parent[k] == k:
+            number[k] = found
+            found += 1
+        else:
+            number[k] = number[parent[k]]
+    return number
 
 
 def absorb_slivers(owners: NDArray[np.int32], min_area: int = SLIVER_AREA) -> NDArray[np.int32]:

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from gcvec.components import SLIVER_AREA
+from gcvec.components import SLIVER_AREA, join, set_numbers
 
 _SATURATION = 4.0
 """A piece of border is worth at most this many times what it costs: beyond that points could do its work."""
@@ -131,24 +131,8 @@ def joined_regions(first, second, n):
     """The new number `(n,)` of each region when those on both sides of these borders become one."""
     parent = np.arange(n)
     for k in range(len(first)):
-        a, b = first[k], second[k]
-        while parent[a] != a:
-            parent[a] = parent[parent[a]]
-            a = parent[a]
-        while parent[b] != b:
-            parent[b] = parent[parent[b]]
-            b = parent[b]
-        parent[max(a, b)] = min(a, b)
-    number = np.empty(n, np.int64)
-    count = 0
-    for k in range(n):
-        # A parent comes before its children.
-        if parent[k] == k:
-            number[k] = count
-            count += 1
-        else:
-            number[k] = number[parent[k]]
-    return number
+        join(parent, first[k], second[k])
+    return set_numbers(parent)
 
 
 @njit(cache=True, nogil=True)
