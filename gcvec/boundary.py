@@ -21,9 +21,8 @@ from gcvec.spline_fit import fit_all_within
 
 Floats = NDArray[np.float64]
 
-DISTANCE, SOFT_DISTANCE = 0.38, 0.6
-"""Largest distances of a curve from samples of its border that the photo shows, and from those it does not,
-pixels."""
+DISTANCE = 0.3
+"""Largest distance of a curve from a sample of its border, pixels."""
 
 SEGMENT_LENGTH = 24.0
 """No segment of a curve is longer than this, pixels: the colours along it share its knots."""
@@ -145,11 +144,10 @@ def fitted_curves(borders: Sequence[Border], closeness: Floats, grid: float, lev
 
 
 def _followed(borders: list[Border], closeness: Floats) -> list[Floats]:
-    """Control points of curves within the distances of their borders' samples that trust in those allows."""
+    """Control points of curves that follow their borders, each so many times closer than usual."""
     samples = np.concatenate([border.samples for border in borders])
-    trust = np.concatenate([border.trust for border in borders])
     starts = np.cumsum([0, *(len(border.samples) for border in borders)])
-    distances = (SOFT_DISTANCE + (DISTANCE - SOFT_DISTANCE) * trust) / np.repeat(closeness, np.diff(starts))
+    distances = np.repeat(DISTANCE / closeness, np.diff(starts))
     run = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(samples, axis=0).T))])
     lengths = run[starts[1:] - 1] - run[starts[:-1]]
     segments = np.maximum(1, np.ceil(lengths / SEGMENT_LENGTH).astype(np.int64))
