@@ -43,6 +43,14 @@ class Border:
     def on_frame(self) -> bool:
         return self.left == OUTSIDE or self.right == OUTSIDE
 
+    def through(self, samples: Floats, trust: Floats) -> Border:
+        """The same border through other samples."""
+        return Border(samples, trust, self.left, self.right, self.start, self.end)
+
+    def between(self, start: int, end: int) -> Border:
+        """The same border with other numbers of its nodes."""
+        return Border(self.samples, self.trust, self.left, self.right, start, end)
+
 
 @dataclass(frozen=True)
 class Borders:
@@ -77,8 +85,7 @@ def with_nodes_in_order(found: Borders) -> Borders:
     number = np.full(len(found.nodes), -1)
     number[order] = np.arange(len(order))
     renumbered = tuple(
-        b if b.closed else replace(b, start=int(number[b.start]), end=int(number[b.end]))
-        for b in found.borders
+        b if b.closed else b.between(int(number[b.start]), int(number[b.end])) for b in found.borders
     )
     return replace(found, nodes=found.nodes[order], borders=renumbered)
 
@@ -87,5 +94,6 @@ def between_nodes(border: Border, nodes: Floats) -> Border:
     """The border with its ends at `nodes` `(k, 2)`."""
     if border.closed:
         return border
-    samples = np.concatenate([nodes[border.start][None], border.samples[1:-1], nodes[border.end][None]])
-    return replace(border, samples=samples)
+    samples = border.samples.copy()
+    samples[0], samples[-1] = nodes[border.start], nodes[border.end]
+    return border.through(samples, border.trust)

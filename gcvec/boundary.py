@@ -17,15 +17,18 @@ from gcvec.borders import Border, Loop
 from gcvec.planar_graph import OUTSIDE
 from gcvec.sampling import Sampling, sampling
 from gcvec.spline_family import SplineFamily
+from gcvec.spline_fit import fit_all_within
 
 Floats = NDArray[np.float64]
 
-DISTANCE, SOFT_DISTANCE = 0.45, 0.6
-"""Largest distances of a curve from samples of its border that the photo shows, and from those it does not,
-pixels."""
+DISTANCE = 0.3
+"""Largest distance of a curve from a sample of its border, pixels."""
 
 SEGMENT_LENGTH = 24.0
 """No segment of a curve is longer than this, pixels: the colours along it share its knots."""
+
+COARSEST_LEVEL = 2
+"""Parameter polygons start within 2^-2 pixels of their curves."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class Curve:
     right: int
     start: int
     end: int
-    level: int = 2
+    level: int = COARSEST_LEVEL
 
     @property
     def closed(self) -> bool:
@@ -56,6 +59,9 @@ class Curve:
     @property
     def on_frame(self) -> bool:
         return self.left == OUTSIDE or self.right == OUTSIDE
+
+    def at_level(self, level: int) -> Curve:
+        return Curve(self.control_points, self.left, self.right, self.start, self.end, level)
 
 
 @dataclass(frozen=True)
@@ -98,29 +104,59 @@ class Network:
     def at_levels(self, levels: Sequence[int]) -> Network:
         """The network with the parameter polygons of every curve within 2^-level pixels of it."""
         pairs = zip(self.curves, levels, strict=True)
-        curves = tuple(c if c.level == level else replace(c, level=level) for c, level in pairs)
+        curves = tuple(c if c.level == level else c.at_level(level) for c, level in pairs)
         changed = replace(self, curves=curves)
         for shared in ("family", "control_points", "sides", "sampling"):
             changed.__dict__[shared] = getattr(self, shared)
         return changed
 
 
-def fitted_curve(border: Border, closeness: float = 1.0) -> Curve:
-    """The curve of one border, so many times closer to it than usual; at infinity the samples are its control
-    points."""
-    return Curve(_fitted(border, closeness), border.left, border.right, border.start, border.end)
+def fitted_curves(borders: Sequence[Border], closeness: Floats, grid: float, level: int) -> list[Curve]:
+    """The curves of borders, each `closeness` `(b,)` times closer to it than usual; at infinity the samples
+    are its control points.
+
+    Control points lie on a grid of `grid` pixels, as a decoder will see them, so that the fit can count on
+    it.
+    """
+    control: dict[int, Floats] = {}
+    followed = []
+    for k, border in enumerate(borders):
+        if border.on_frame:
+            continue
+        if closeness[k] < np.inf:
+            followed.append(k)
+        elif border.closed:
+            control[k] = _padded(border.samples[:-1], 3)
+        else:
+            control[k] = _padded(border.samples, 4)
+    if followed:
+        own = [borders[k] for k in followed]
+        control |= zip(followed, _followed(own, closeness[followed]), strict=True)
+    curves = []
+    for k, border in enumerate(borders):
+        if border.on_frame:
+            ends = np.round(border.samples[[0, -1]] / grid) * grid
+            points = straight_line(ends[0], ends[1], max(1, int(np.ceil(_length(border) / SEGMENT_LENGTH))))
+        else:
+            points = np.round(control[k] / grid) * grid
+        curves.append(Curve(points, border.left, border.right, border.start, border.end, level))
+    return curves
 
 
-def _fitted(border: Border, closeness: float) -> Floats:
-    samples = border.samples
-    length = float(np.hypot(*np.diff(samples, axis=0).T).sum())
-    segments = max(1, int(np.ceil(length / SEGMENT_LENGTH)))
-    if border.on_frame:
-        return straight_line(samples[0], samples[-1], segments)
-    if closeness == np.inf:
-        return _padded(samples[:-1], 3) if border.closed else _padded(samples, 4)
-    distances = (SOFT_DISTANCE + (DISTANCE - SOFT_DISTANCE) * border.trust) / closeness
-    return bspline.fit_within(samples, distances, segments, border.closed)
+def _followed(borders: list[Border], closeness: Floats) -> list[Floats]:
+    """Control points of curves that follow their borders, each so many times closer than usual."""
+    samples = np.concatenate([border.samples for border in borders])
+    starts = np.cumsum([0, *(len(border.samples) for border in borders)])
+    distances = np.repeat(DISTANCE / closeness, np.diff(starts))
+    run = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(samples, axis=0).T))])
+    lengths = run[starts[1:] - 1] - run[starts[:-1]]
+    segments = np.maximum(1, np.ceil(lengths / SEGMENT_LENGTH).astype(np.int64))
+    closed = np.array([border.closed for border in borders])
+    return fit_all_within(samples, starts, distances, segments, closed)
+
+
+def _length(border: Border) -> float:
+    return float(np.hypot(*np.diff(border.samples, axis=0).T).sum())
 
 
 def _padded(points: Floats, fewest: int) -> Floats:

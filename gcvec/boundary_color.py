@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
-from skimage import filters
+from scipy import sparse
 
-from gcvec import bspline
 from gcvec.boundary import Network
 from gcvec.color_space import LEFT, RIGHT, ColorSpace
 from gcvec.least_squares import NormalEquations, solve_bounded
 from gcvec.planar_graph import OUTSIDE
+from gcvec.profile import color_at
+from gcvec.spline_family import SplineFamily
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,20 +47,27 @@ class ColorSamples:
 
 
 def color_samples(network: Network) -> ColorSamples:
-    curves, parameters, positions, normals = [], [], [], []
-    for c, curve in enumerate(network.curves):
-        knots = bspline.evaluate(curve.control_points, np.arange(curve.segments + 1.0), curve.closed)
-        length = np.hypot(*np.diff(knots, axis=0).T).sum()
-        n = max(int(np.ceil(length / SAMPLE_SPACING)), 2 * curve.segments)
-        u = (np.arange(n) + 0.5) * curve.segments / n
-        a = bspline.evaluate(curve.control_points, np.maximum(u - 1e-3, 0), curve.closed)
-        b = bspline.evaluate(curve.control_points, np.minimum(u + 1e-3, curve.segments), curve.closed)
-        tangent = (b - a) / np.maximum(np.hypot(*(b - a).T), 1e-12)[:, None]
-        curves.append(np.full(n, c))
-        parameters.append(u)
-        positions.append((a + b) / 2)
-        normals.append(np.stack([-tangent[:, 1], tangent[:, 0]], axis=1))
-    return ColorSamples(*(np.concatenate(part) for part in (curves, parameters, positions, normals)))
+    family, control = network.family, network.control_points
+    knots = np.arange(family.first_segment[-1] + len(family.closed))
+    owner = np.repeat(np.arange(len(family.closed)), family.segments + 1)
+    knots = knots - (family.first_segment[:-1] + np.arange(len(family.closed)))[owner]
+    at_knots = _points(family, control, owner, knots.astype(np.float64))
+    chords = np.where(owner[1:] == owner[:-1], np.hypot(*np.diff(at_knots, axis=0).T), 0.0)
+    length = np.bincount(owner[:-1], chords, len(family.closed))
+    n = np.maximum(np.ceil(length / SAMPLE_SPACING).astype(np.int64), 2 * family.segments)
+    curve = np.repeat(np.arange(len(n)), n)
+    segments = family.segments[curve]
+    u = (np.arange(len(curve)) - np.repeat(np.cumsum(n) - n, n) + 0.5) * segments / n[curve]
+    a = _points(family, control, curve, np.maximum(u - 1e-3, 0))
+    b = _points(family, control, curve, np.minimum(u + 1e-3, segments))
+    tangent = (b - a) / np.maximum(np.hypot(*(b - a).T), 1e-12)[:, None]
+    return ColorSamples(curve, u, (a + b) / 2, np.stack([-tangent[:, 1], tangent[:, 0]], axis=1))
+
+
+def _points(family: SplineFamily, control: Floats, curve: Ints, u: Floats) -> Floats:
+    """Points `(n, 2)` of curves at parameters."""
+    index, weight = family.basis(curve, u)
+    return np.asarray(np.einsum("nk,nkd->nd", weight, control[index]))
 
 
 def hard_edges(
@@ -72,19 +79,71 @@ def hard_edges(
     between the mean colours of
     the two regions. `picture` is `(h, w, 3)` in [0, 1]. A curve on the frame has one side and is soft.
     """
-    magnitude = np.sqrt(sum(filters.sobel(picture[..., c]) ** 2 for c in range(3)) / 3)
-    local = ndimage.uniform_filter(magnitude, 3)
-    at = _pixel(samples.position, labels.shape)
-    strength = ndimage.median(local[at], samples.curve, np.arange(len(network.curves)))
-    n = len(network.loops)
-    flat = labels.ravel()
-    area = np.bincount(flat, minlength=n)
-    mean = np.stack([np.bincount(flat, picture[..., c].ravel(), n) / area for c in range(3)], axis=1)
-    left = np.array([c.left for c in network.curves])
-    right = np.array([c.right for c in network.curves])
+    y, x = _pixel(samples.position, labels.shape)
+    strength = medians(gradient_strength(picture, y, x), samples.curve, len(network.curves))
+    mean = mean_colors(picture, labels, len(network.loops))
+    right, left = network.sides.T
     difference = np.sqrt(((mean[left] - mean[right]) ** 2).mean(axis=1))
     inside = (left != OUTSIDE) & (right != OUTSIDE)
     return np.asarray(inside & (strength > GRADIENT_THRESHOLD) & (difference > DIFFERENCE_THRESHOLD))
+
+
+def medians(values: Floats, group: Ints, n_groups: int) -> Floats:
+    """The median `(n_groups,)` of the values `(n,)` of each group; every group has some."""
+    ordered = values[np.lexsort((values, group))]
+    count = np.bincount(group, minlength=n_groups)
+    first = np.cumsum(count) - count
+    return np.asarray((ordered[first + (count - 1) // 2] + ordered[first + count // 2]) / 2)
+
+
+@njit(cache=True, nogil=True)
+def mean_colors(picture, labels, n_regions):
+    """The mean colour `(n, 3)` of every region."""
+    total, area = np.zeros((n_regions, 3)), np.zeros(n_regions)
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            area[labels[y, x]] += 1
+            for c in range(3):
+                total[labels[y, x], c] += picture[y, x, c]
+    for k in range(n_regions):
+        total[k] /= area[k]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def gradient_strength(picture, ys, xs):
+    """The mean over 3 x 3 pixels of the Sobel magnitude, per pixel, at pixels `ys`, `xs` `(n,)`.
+
+    Beyond the frame the picture is mirrored.
+    """
+    height, width = picture.shape[:2]
+    known = np.full((height, width), -1.0)
+    strength = np.zeros(len(ys))
+    for i in range(len(ys)):
+        for dy in range(-1, 2):
+            for dx in range(-1, 2):
+                y = min(max(ys[i] + dy, 0), height - 1)
+                x = min(max(xs[i] + dx, 0), width - 1)
+                if known[y, x] < 0:
+                    known[y, x] = _sobel(picture, y, x)
+                strength[i] += known[y, x] / 9
+    return strength
+
+
+@njit(cache=True, nogil=True)
+def _sobel(picture, y, x):
+    """Root mean square over the channels of the Sobel magnitude."""
+    height, width = picture.shape[:2]
+    up, down = max(y - 1, 0), min(y + 1, height - 1)
+    west, east = max(x - 1, 0), min(x + 1, width - 1)
+    square = 0.0
+    for c in range(3):
+        corners = picture[down, east, c] - picture[up, west, c]
+        others = picture[up, east, c] - picture[down, west, c]
+        gx = (corners + others + 2 * (picture[y, east, c] - picture[y, west, c])) / 4
+        gy = (corners - others + 2 * (picture[down, x, c] - picture[up, x, c])) / 4
+        square += (gx * gx + gy * gy) / 2
+    return np.sqrt(square / 3)
 
 
 def _pixel(position: Floats, shape: tuple[int, ...]) -> tuple[Ints, Ints]:
@@ -144,32 +203,35 @@ def fit_boundary_colors(
     own eroded region, the inward offset sampling of section 4.3. A little smoothness settles what no sample
     sees.
     """
-    colors = picture.reshape(-1, 3)
     inward = _inward(labels)
-    sides = np.array([(c.right, c.left) for c in network.curves])
-    offsets = network.offsets
-    control, weight = _basis_through_curves(network, samples, offsets)
+    control, weight = network.family.basis(samples.curve, samples.u)
+    on_curve = colors_at(picture, samples.position)
     rows, seen = [], []
     for side, outward in ((RIGHT, 1.0), (LEFT, -1.0)):
-        region = sides[samples.curve, side]
+        region = network.sides[samples.curve, side]
         own = inward[_own_pixel(samples, outward, region, labels)]
-        on_curve = ndimage.map_coordinates
-        soft = np.stack(
-            [
-                on_curve(picture[..., c], samples.position.T[::-1] - 0.5, order=1, mode="nearest")
-                for c in range(3)
-            ],
-            axis=1,
-        )
         used = region != OUTSIDE
         rows.append(_rows(space.of_control[side][control[used]], weight[used], space.size))
-        seen.append(np.where(hard[samples.curve, None], colors[own], soft)[used])
-    design = sparse.vstack([*rows, SMOOTHNESS**0.5 * _second_differences(network, space, offsets)]).tocsr()
-    target = np.concatenate([*seen, np.zeros((design.shape[0] - sum(len(s) for s in seen), 3))])
+        seen.append(np.where(hard[samples.curve, None], picture.reshape(-1, 3)[own], on_curve)[used])
+    smooth = SMOOTHNESS**0.5 * _second_differences(network, space)
+    design = sparse.vstack([*rows, smooth]).tocsr()
+    target = np.concatenate([*seen, np.zeros((smooth.shape[0], 3))])
+    back = design.T.tocsr()
+    right, mass = back @ target, back @ np.ones(len(target))
     equations = NormalEquations(
-        sparse.eye_array(space.size, format="csr"), design, np.full(space.size, 1e-6), design.T @ target
+        sparse.eye_array(space.size, format="csr"), design, np.full(space.size, 1e-6), right
     )
-    return solve_bounded(equations, np.full((space.size, 3), 0.5), 200, 1e-6)
+    start = np.clip(right / np.maximum(mass, 1e-6)[:, None], 0, 1)
+    return solve_bounded(equations, start, 200, 1e-4)
+
+
+@njit(cache=True, nogil=True)
+def colors_at(picture, position):
+    """The picture at places `(n, 2)`, interpolated between pixel centres, clamped at the frame."""
+    colors = np.empty((len(position), 3))
+    for i in range(len(position)):
+        color_at(picture, position[i, 0], position[i, 1], colors[i])
+    return colors
 
 
 def _own_pixel(
@@ -188,32 +250,26 @@ def _own_pixel(
     return y, x
 
 
-def _basis_through_curves(network: Network, samples: ColorSamples, offsets: Ints) -> tuple[Ints, Floats]:
-    control, weight = [], []
-    starts = np.searchsorted(samples.curve, np.arange(len(network.curves) + 1))
-    for c, curve in enumerate(network.curves):
-        index, w = bspline.basis(samples.u[starts[c] : starts[c + 1]], curve.segments, curve.closed)
-        control.append(offsets[c] + index)
-        weight.append(w)
-    return np.concatenate(control), np.concatenate(weight)
-
-
 def _rows(columns: Ints, values: Floats, n_columns: int) -> sparse.csr_array:
     rows = np.repeat(np.arange(len(columns)), columns.shape[1])
     shape = (len(columns), n_columns)
     return sparse.coo_array((values.ravel(), (rows, columns.ravel())), shape=shape).tocsr()
 
 
-def _second_differences(network: Network, space: ColorSpace, offsets: Ints) -> sparse.csr_array:
+def _second_differences(network: Network, space: ColorSpace) -> sparse.csr_array:
     """Second differences of consecutive colour control points of every curve and side."""
-    triples = []
-    for c, curve in enumerate(network.curves):
-        own = np.arange(offsets[c], offsets[c + 1])
-        if curve.closed:
-            own = np.concatenate([own, own[:2]])
-        for side, patch in ((RIGHT, curve.right), (LEFT, curve.left)):
-            if patch != OUTSIDE:
-                unknown = space.of_control[side][own]
-                triples.append(np.stack([unknown[:-2], unknown[1:-1], unknown[2:]], axis=1))
-    columns = np.concatenate(triples)
+    family = network.family
+    size = np.diff(family.offsets)
+    owner = np.repeat(np.arange(len(size)), size)
+    place = np.arange(family.offsets[-1]) - family.offsets[owner]
+    first = np.flatnonzero(family.closed[owner] | (place < size[owner] - 2))
+    triples = np.stack(
+        [family.offsets[owner[first]] + (place[first] + k) % size[owner[first]] for k in range(3)], axis=1
+    )
+    columns = np.concatenate(
+        [
+            space.of_control[side][triples[network.sides[owner[first], side] != OUTSIDE]]
+            for side in (RIGHT, LEFT)
+        ]
+    )
     return _rows(columns, np.tile([1.0, -2.0, 1.0], (len(columns), 1)), space.size)

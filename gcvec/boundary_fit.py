@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders import Border, Borders, between_nodes
-from gcvec.boundary import Network, fitted_curve
+from gcvec.borders import Border, Borders, Loop, between_nodes
+from gcvec.boundary import COARSEST_LEVEL, Network, fitted_curves
 from gcvec.domain import FINEST_LEVEL, crossing_curves, with_levels, without_crossings
-from gcvec.quantization import Quantization, rounded_curve
+from gcvec.quantization import Quantization
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,56 +36,71 @@ def fitted_network(traced: Borders, localized: Borders, grid: float = GRID) -> N
     Curves that cross themselves or others, as they may around regions a pixel or two wide, are drawn closer
     to their borders, then go back to them as they were traced and follow those ever more closely.
     """
+    closeness = np.array(CLOSENESS)
     tries = np.zeros(len(traced.borders), np.int64)
+    before = _Turns(localized.loops, [border.samples for border in traced.borders])
     found = localized
-    curves = [rounded_curve(fitted_curve(border), grid) for border in found.borders]
+    curves = fitted_curves(found.borders, closeness[tries], grid, FINEST_LEVEL)
     changed = np.arange(len(curves))
     while True:
-        network = with_levels(
-            Network(found.width, found.height, len(found.nodes), tuple(curves), found.loops), FINEST_LEVEL
-        )
-        wrong = np.union1d(crossing_curves(network, changed), _inside_out(network, traced))
+        network = Network(found.width, found.height, len(found.nodes), tuple(curves), found.loops)
+        wrong = np.union1d(crossing_curves(network, changed), _inside_out(network, traced, before))
         pending = wrong[tries[wrong] < len(CLOSENESS) - 1]
         if not len(pending):
-            return without_crossings(replace(network, curves=tuple(curves)))
+            return without_crossings(with_levels(network, COARSEST_LEVEL))
         tries[pending] += 1
-        before, found = found, _mixed(traced, localized, tries)
-        changed = np.array(
-            [
-                k
-                for k, (old, new) in enumerate(zip(before.borders, found.borders, strict=True))
-                if k in pending or not np.array_equal(old.samples, new.samples)
-            ]
+        last, found = found, _mixed(traced, localized, tries)
+        moved = [k for k, (a, b) in enumerate(zip(last.borders, found.borders, strict=True)) if a is not b]
+        changed = np.union1d(pending, np.array(moved, np.int64))
+        again = fitted_curves(
+            [found.borders[k] for k in changed], closeness[tries[changed]], grid, FINEST_LEVEL
         )
-        for k in changed:
-            curves[k] = rounded_curve(fitted_curve(found.borders[k], CLOSENESS[tries[k]]), grid)
+        for k, curve in zip(changed, again, strict=True):
+            curves[k] = curve
 
 
-def _inside_out(network: Network, traced: Borders) -> Ints:
+class _Turns:
+    """Which way round the loops of a picture run.
+
+    border (h,) and way (h,) are the borders of all loops, one loop after another, 1 forward and -1 backward;
+    `first` (l,) is where each loop begins, `area` (l,) twice the signed area inside it.
+    """
+
+    def __init__(self, loops: tuple[tuple[Loop, ...], ...], rows: list[Floats]) -> None:
+        walks = [loop for region in loops for loop in region]
+        halves = np.array([half for loop in walks for half in loop], np.int64).reshape(-1, 2)
+        self.border, self.way = halves[:, 0], 2 * halves[:, 1] - 1
+        self.first = np.cumsum([0, *map(len, walks)])[:-1]
+        self.area = self.areas(np.concatenate(rows), np.cumsum([0, *map(len, rows)]))
+
+    def areas(self, points: Floats, starts: Ints) -> Floats:
+        """Twice the signed areas `(l,)` for points `(n, 2)` on the borders, where `starts`
+        `(b + 1,)` says."""
+        x, y = points.T
+        swept = x[:-1] * y[1:] - x[1:] * y[:-1]
+        # Between two borders nothing is swept.
+        swept[starts[1:-1] - 1] = 0.0
+        of_border = np.add.reduceat(np.append(swept, 0.0), starts[:-1])
+        return np.asarray(np.add.reduceat(self.way * of_border[self.border], self.first))
+
+
+def _inside_out(network: Network, traced: Borders, before: _Turns) -> Ints:
     """Curves of loops that run round the other way than they were traced, as those of a pixel may."""
     sampling = network.sampling
-    drawn = [_swept(sampling.points[sampling.of_curve(c)]) for c in range(len(network.curves))]
-    before = [_swept(border.samples) for border in traced.borders]
-    wrong: set[int] = set()
-    for loop in (loop for region in network.loops for loop in region):
-        turns = [(k, 1 if forward else -1) for k, forward in loop]
-        if sum(way * drawn[k] for k, way in turns) * sum(way * before[k] for k, way in turns) <= 0:
-            wrong |= {k for k, _ in turns if not traced.borders[k].on_frame}
-    return np.array(sorted(wrong), np.int64)
-
-
-def _swept(points: Floats) -> float:
-    """Twice the area that the way through the points sweeps as seen from the origin."""
-    x, y = points.T
-    return float(x[:-1] @ y[1:] - x[1:] @ y[:-1])
+    after = before.areas(sampling.points, sampling.starts)
+    sizes = np.diff(np.append(before.first, len(before.border)))
+    wrong = np.unique(before.border[np.repeat(after * before.area <= 0, sizes)])
+    return np.array([k for k in wrong if not traced.borders[k].on_frame], np.int64)
 
 
 def _mixed(traced: Borders, localized: Borders, tries: Ints) -> Borders:
     """Localized borders, but traced ones, nodes included, where the first tries failed."""
     nodes = localized.nodes.copy()
     chosen = list(localized.borders)
-    meeting = _where_they_meet([localized.borders[k] for k in np.flatnonzero(tries >= HALF_TRACED)])
-    for k in np.flatnonzero(tries >= HALF_TRACED):
+    back = np.flatnonzero(tries >= HALF_TRACED)
+    meeting = _where_they_meet([localized.borders[k] for k in back])
+    moved: set[int] = set()
+    for k in back:
         border = traced.borders[k]
         ends = [] if border.closed else [border.start, border.end]
         bad = [node for node in ends if node in meeting]
@@ -93,8 +108,13 @@ def _mixed(traced: Borders, localized: Borders, tries: Ints) -> Borders:
             chosen[k], bad = border, ends
         else:
             chosen[k] = _half_traced(border, chosen[k], at_start=bad[0] == border.start)
-        nodes[bad] = traced.nodes[bad]
-    fitted = tuple(between_nodes(border, nodes) for border in chosen)
+        moved.update(bad)
+    at = np.array(sorted(moved), np.int64)
+    nodes[at] = traced.nodes[at]
+    fitted = tuple(
+        between_nodes(b, nodes) if tries[k] >= HALF_TRACED or b.start in moved or b.end in moved else b
+        for k, b in enumerate(chosen)
+    )
     return Borders(traced.width, traced.height, nodes, fitted, traced.loops)
 
 

@@ -41,11 +41,20 @@ class Chains:
         ends[self.offsets[1:][~self.closed] - 1] = True
         return ends
 
+    @cached_property
+    def _known(self) -> dict[int, tuple[Ints, Flags]]:
+        return {}
+
     def along(self, steps: int) -> tuple[Ints, Flags]:
         """For every sample the one so many steps ahead, `(n,)`, and whether there is one.
 
         Closed chains go round; on open ones it is the last before the end.
         """
+        if steps not in self._known:
+            self._known[steps] = self._along(steps)
+        return self._known[steps]
+
+    def _along(self, steps: int) -> tuple[Ints, Flags]:
         first, size = self.offsets[self.of_sample], np.diff(self.offsets)[self.of_sample]
         place = np.arange(self.offsets[-1]) - first + steps
         round_ = self.closed[self.of_sample]
@@ -73,7 +82,7 @@ class Chains:
             samples, known = points[own], trust[own]
             if self.closed[b]:
                 samples, known = np.vstack([samples, samples[:1]]), np.append(known, known[0])
-            moved[k] = replace(moved[k], samples=samples, trust=known)
+            moved[k] = moved[k].through(samples, known)
         return replace(found, nodes=nodes, borders=tuple(between_nodes(b, nodes) for b in moved))
 
 

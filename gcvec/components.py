@@ -5,7 +5,6 @@ from __future__ import annotations
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from skimage.measure import label
 
 SLIVER_AREA = 16
 """Components of fewer pixels are no regions."""
@@ -14,9 +13,63 @@ SLIVER_AREA = 16
 def connected_components(owners: NDArray[np.int32]) -> NDArray[np.int32]:
     """Number the 4-connected components of equal `owners (h, w)`, each >= 0, from 0 in raster order of their
     first pixels. Pixels that touch at a corner only are not connected."""
-    numbered = label(owners, connectivity=1, background=-1)
-    labels: NDArray[np.int32] = (numbered - 1).astype(np.int32)
+    return np.asarray(_components(np.ascontiguousarray(owners)))
+
+
+@numba.njit(cache=True, nogil=True)
+def _components(owners):
+    """Runs of equal owners are joined as they are met; what is joined goes by the number met first."""
+    height, width = owners.shape
+    labels = np.empty((height, width), np.int32)
+    parent = np.empty(height * width, np.int32)
+    count = 0
+    for y in range(height):
+        for x in range(width):
+            left = x > 0 and owners[y, x - 1] == owners[y, x]
+            above = y > 0 and owners[y - 1, x] == owners[y, x]
+            if left:
+                labels[y, x] = labels[y, x - 1]
+                # Where the pixels above are joined too, so are these.
+                if above and owners[y - 1, x - 1] != owners[y, x]:
+                    join(parent, labels[y, x], labels[y - 1, x])
+            elif above:
+                labels[y, x] = labels[y - 1, x]
+            else:
+                labels[y, x] = parent[count] = count
+                count += 1
+    number = set_numbers(parent[:count])
+    for y in range(height):
+        for x in range(width):
+            labels[y, x] = number[labels[y, x]]
     return labels
+
+
+@numba.njit(cache=True, nogil=True)
+def join(parent, a, b):
+    """Unite the sets of `a` and `b`, in place: `parent` `(n,)` leads from each element to the least of its
+    set, which is its own parent."""
+    while parent[a] != a:
+        parent[a] = parent[parent[a]]
+        a = parent[a]
+    while parent[b] != b:
+        parent[b] = parent[parent[b]]
+        b = parent[b]
+    parent[max(a, b)] = min(a, b)
+
+
+@numba.njit(cache=True, nogil=True)
+def set_numbers(parent):
+    """The set `(n,)` of each element, numbered from 0 in the order of their least elements."""
+    number = np.empty_like(parent)
+    found = 0
+    for k in range(len(parent)):
+        # A parent comes before its children.
+        if parent[k] == k:
+            number[k] = found
+            found += 1
+        else:
+            number[k] = number[parent[k]]
+    return number
 
 
 def absorb_slivers(owners: NDArray[np.int32], min_area: int = SLIVER_AREA) -> NDArray[np.int32]:

@@ -82,7 +82,7 @@ def _without(found: Borders, gone: set[int], united: dict[int, int]) -> Borders:
     borders = []
     for border in (found.borders[k] for k in kept):
         start, end = united.get(border.start, border.start), united.get(border.end, border.end)
-        borders.append(border if border.closed else replace(border, start=start, end=end))
+        borders.append(border if border.closed else border.between(start, end))
     loops = tuple(
         tuple(tuple((number[k], forward) for k, forward in loop if k not in gone) for loop in region)
         for region in found.loops

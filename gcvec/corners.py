@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.borders import Border, Borders, Loop, with_nodes_in_order
@@ -59,7 +60,7 @@ def corners(chains: Chains, points: Floats, trust: Floats, picture: Floats) -> I
     """Samples between which and the next a chain turns a corner."""
     best, apex, inward = np.zeros(len(points)), np.zeros((len(points), 2)), np.zeros((len(points), 2))
     for side in SIDES:
-        gain, own_apex, own_inward = _gain(chains, points, trust, side)
+        gain, own_apex, own_inward = corner_gains(points, trust, chains.offsets, chains.closed, side)
         better = gain > best
         best = np.where(better, gain, best)
         apex = np.where(better[:, None], own_apex, apex)
@@ -80,73 +81,106 @@ def _blunt(apex: Floats, inward: Floats, picture: Floats) -> NDArray[np.bool_]:
     `inward` `(n, 2)` halves the angle; its length is the sine of half that angle.
     """
     sine = np.hypot(*inward.T)
-    depth, trust = step_shifts(picture, apex, inward / np.maximum(sine, 1e-12)[:, None])
+    depth, trust, _ = step_shifts(picture, apex, inward / np.maximum(sine, 1e-12)[:, None])
     sharp = BLUR * (1 / np.maximum(sine, 0.2) - 1)
     # No depth is no evidence: it compares as false.
     return np.asarray((trust > 0.5) & (depth > sharp + ROUNDING))
 
 
-def _gain(chains: Chains, points: Floats, trust: Floats, side: int) -> tuple[Floats, Floats, Floats]:
-    """How many times more a parabola leaves than two lines do, `(n,)`, 0 where there is no corner to see;
-    where the lines meet, `(n, 2)`, and the direction that halves their angle, as long as the sine of half of
-    it.
+@njit(cache=True, nogil=True)
+def corner_gains(points, trust, offsets, closed, side):
+    """How many times more a parabola leaves than two lines through `side` samples each do, `(n,)`, 0 where
+    there is no corner to see; where the lines meet, `(n, 2)`, and the direction that halves their angle, as
+    long as the sine of half of it.
+
+    The sides lie `GAP` samples before a sample and after the next, on the chains that begin at `offsets`.
     """
-    places = [chains.along(-k) for k in range(GAP + side - 1, GAP - 1, -1)]
-    places += [chains.along(k) for k in range(GAP + 1, GAP + side + 1)]
-    index = np.stack([place for place, _ in places], axis=1)
-    there = np.all([there for _, there in places], axis=0) & ~chains.at_node[index].any(axis=1)
-    seen = np.flatnonzero(there)
-    near = points[index[seen]]
-    before, after = near[:, :side], near[:, side:]
-    direction, left = _line(before)
-    other, right = _line(after)
-    turn = np.arccos(np.clip((direction * other).sum(axis=1), -1, 1))
-    lines = left + right
-    sure = trust[index[seen]].mean(axis=1)
-    error = 2 * side * (sure * SURE_ERROR**2 + (1 - sure) * UNSURE_ERROR**2)
-    gain = _parabola(near) / (lines + error)
-    gain[(turn < LEAST_TURN) | (lines > 4 * error)] = 0
-    apex = _crossing(before.mean(axis=1), direction, after.mean(axis=1), other)
-    half = np.cos(turn / 2)
-    inward = other - direction
-    inward *= (half / np.maximum(np.hypot(*inward.T), 1e-12))[:, None]
-    result = np.zeros(len(points)), np.zeros((len(points), 2)), np.zeros((len(points), 2))
-    for whole, part in zip(result, (gain, apex, inward), strict=True):
-        whole[seen] = part
-    return result
+    n = len(points)
+    gains, apexes, inward = np.zeros(n), np.zeros((n, 2)), np.zeros((n, 2))
+    near = np.empty((2 * side, 2))
+    u, v, middle, other_middle = np.empty(2), np.empty(2), np.empty(2), np.empty(2)
+    for chain in range(len(closed)):
+        first, size = offsets[chain], offsets[chain + 1] - offsets[chain]
+        reach = GAP + side
+        # On open chains both ends are nodes, which belong to no side.
+        start, stop = (0, size) if closed[chain] else (reach, size - reach - 1)
+        if closed[chain] and 2 * reach >= size:
+            continue
+        for k in range(start, stop):
+            sure = 0.0
+            for i in range(side):
+                before, after = first + (k - reach + 1 + i) % size, first + (k + GAP + 1 + i) % size
+                near[i], near[side + i] = points[before], points[after]
+                sure += (trust[before] + trust[after]) / (2 * side)
+            lines = _line(near[:side], u, middle) + _line(near[side:], v, other_middle)
+            cosine = min(max(u[0] * v[0] + u[1] * v[1], -1.0), 1.0)
+            error = 2 * side * (sure * SURE_ERROR**2 + (1 - sure) * UNSURE_ERROR**2)
+            if cosine > np.cos(LEAST_TURN) or lines > 4 * error:
+                continue
+            j = first + k
+            gains[j] = _left_by_parabola(near) / (lines + error)
+            cross = u[0] * v[1] - u[1] * v[0]
+            cross = 1e-9 if abs(cross) < 1e-9 else cross
+            way_x, way_y = other_middle[0] - middle[0], other_middle[1] - middle[1]
+            along = (way_x * v[1] - way_y * v[0]) / cross
+            half = np.sqrt((1 + cosine) / 2)
+            length = max(np.hypot(v[0] - u[0], v[1] - u[1]), 1e-12)
+            for c in range(2):
+                apexes[j, c] = middle[c] + along * u[c]
+                inward[j, c] = (v[c] - u[c]) * half / length
+    return gains, apexes, inward
 
 
-def _crossing(a: Floats, u: Floats, b: Floats, v: Floats) -> Floats:
-    """Where the lines through a along u and through b along v meet, `(n, 2)`."""
-    cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    along = (b - a)[:, 0] * v[:, 1] - (b - a)[:, 1] * v[:, 0]
-    return np.asarray(a + (along / np.where(np.abs(cross) < 1e-9, 1e-9, cross))[:, None] * u)
-
-
-def _line(points: Floats) -> tuple[Floats, Floats]:
-    """Directions `(n, 2)` of the lines through rows of points `(n, k, 2)`, and squared distances from it."""
-    x, y = np.moveaxis(points - points.mean(axis=1, keepdims=True), -1, 0)
-    xx, xy, yy = (x * x).sum(axis=1), (x * y).sum(axis=1), (y * y).sum(axis=1)
+@njit(cache=True, nogil=True)
+def _line(points, direction, middle):
+    """The line through points `(k, 2)`: fills its direction and a point on it; returns the squared distances
+    left."""
+    k = len(points)
+    middle[0], middle[1] = points[:, 0].mean(), points[:, 1].mean()
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for i in range(k):
+        x, y = points[i, 0] - middle[0], points[i, 1] - middle[1]
+        xx += x * x
+        xy += x * y
+        yy += y * y
     angle = np.arctan2(2 * xy, xx - yy) / 2
-    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    way = points[:, -1] - points[:, 0]
-    direction *= np.where((direction * way).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    rest = (xx + yy - np.hypot(xx - yy, 2 * xy)) / 2
-    return direction, np.maximum(rest, 0)
+    dx, dy = np.cos(angle), np.sin(angle)
+    if dx * (points[k - 1, 0] - points[0, 0]) + dy * (points[k - 1, 1] - points[0, 1]) < 0:
+        dx, dy = -dx, -dy
+    direction[0], direction[1] = dx, dy
+    return max((xx + yy - np.hypot(xx - yy, 2 * xy)) / 2, 0.0)
 
 
-def _parabola(points: Floats) -> Floats:
-    """Squared distances `(n,)` of rows of points `(n, k, 2)` from parabolas over the rows' chords."""
-    way = points[:, -1] - points[:, 0]
-    way /= np.maximum(np.hypot(*way.T), 1e-12)[:, None]
-    off = points - points.mean(axis=1, keepdims=True)
-    s = (off * way[:, None]).sum(axis=-1)
-    d = off[..., 1] * way[:, None, 0] - off[..., 0] * way[:, None, 1]
-    design = np.stack([np.ones_like(s), s, s * s], axis=-1)
-    matrix = np.einsum("nki,nkj->nij", design, design) + 1e-9 * np.eye(3)
-    right = np.einsum("nki,nk->ni", design, d)
-    fitted = np.linalg.solve(matrix, right[..., None])[..., 0]
-    return np.asarray(((d - np.einsum("nki,ni->nk", design, fitted)) ** 2).sum(axis=1))
+@njit(cache=True, nogil=True)
+def _left_by_parabola(points):
+    """Squared distances of points `(k, 2)` from a parabola over their chord.
+
+    By Gram-Schmidt on 1, s, s² at the samples' places s along the chord.
+    """
+    k = len(points)
+    way_x, way_y = points[k - 1, 0] - points[0, 0], points[k - 1, 1] - points[0, 1]
+    length = max(np.hypot(way_x, way_y), 1e-12)
+    way_x, way_y = way_x / length, way_y / length
+    x0, y0 = points[:, 0].mean(), points[:, 1].mean()
+    s, d, q = np.empty(k), np.empty(k), np.empty(k)
+    square, mean, skew, slope = 0.0, 0.0, 0.0, 0.0
+    for i in range(k):
+        x, y = points[i, 0] - x0, points[i, 1] - y0
+        s[i], d[i] = x * way_x + y * way_y, y * way_x - x * way_y
+        square += s[i] ** 2
+        skew += s[i] ** 3
+        slope += s[i] * d[i]
+        mean += s[i] ** 2 / k
+    square = max(square, 1e-12)
+    along, energy = 0.0, 1e-12
+    for i in range(k):
+        q[i] = s[i] ** 2 - mean - skew / square * s[i]
+        along += q[i] * d[i]
+        energy += q[i] ** 2
+    left = 0.0
+    for i in range(k):
+        left += (d[i] - slope / square * s[i] - along / energy * q[i]) ** 2
+    return left
 
 
 def _lattice_point(a: Floats, b: Floats) -> Floats:
@@ -191,12 +225,13 @@ def _pieces(
         stops = [0, *cuts, len(samples)]
         numbers = [border.start, *numbers, border.end]
     return [
-        replace(
-            border,
-            samples=np.concatenate([[nodes[a]], samples[first:last], [nodes[b]]]),
-            trust=np.concatenate([[0.0], trust[first:last], [0.0]]),
-            start=a,
-            end=b,
+        Border(
+            np.concatenate([[nodes[a]], samples[first:last], [nodes[b]]]),
+            np.concatenate([[0.0], trust[first:last], [0.0]]),
+            border.left,
+            border.right,
+            a,
+            b,
         )
         for a, b, first, last in zip(numbers[:-1], numbers[1:], stops[:-1], stops[1:], strict=True)
     ]

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import shapely
 from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.boundary import Network
+from gcvec.crossings import crossing_segments
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -115,17 +115,9 @@ def crossing_curves(network: Network, among: Iterable[int] | None = None) -> Int
     Only pairs of edges of which one belongs to the curves `among` are looked at, if these are given.
     """
     edges, owner = polygon_edges(network)
-    degenerate = (edges[:, 0] == edges[:, 1]).all(axis=1)
-    lines = shapely.linestrings(edges)
-    asked = np.arange(len(edges)) if among is None else np.flatnonzero(np.isin(owner, list(among)))
-    a, b = shapely.STRtree(lines).query(lines[asked], predicate="intersects")
-    a = asked[a]
-    a, b = a[a != b], b[a != b]
-    n_shared = (edges[a][:, :, None] == edges[b][:, None, :]).all(axis=-1).sum(axis=(1, 2))
-    # Two edges with one common end may still overlap: then they run the same way from there.
-    one, other = (edges[k, 1] - edges[k, 0] for k in (a, b))
-    parallel = one[:, 0] * other[:, 1] == one[:, 1] * other[:, 0]
-    tail_to_tail = (edges[a, 0] == edges[b, 0]).all(axis=1) | (edges[a, 1] == edges[b, 1]).all(axis=1)
-    same_way = ((one * other).sum(axis=1) > 0) == tail_to_tail
-    legal = (n_shared == 1) & ~(parallel & same_way)
-    return np.unique(np.concatenate([owner[a[~legal]], owner[b[~legal]], owner[degenerate]]))
+    asked = np.ones(len(edges), bool)
+    if among is not None:
+        of_curve = np.zeros(len(network.curves), bool)
+        of_curve[np.fromiter(among, np.int64)] = True
+        asked = of_curve[owner]
+    return np.unique(owner[crossing_segments(edges, asked)])

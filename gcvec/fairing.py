@@ -43,10 +43,9 @@ def faired(chains: Chains, points: Floats, weight: Floats) -> Floats:
 
 def _unrolled(chains: Chains) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
     """Indices of samples with closed chains run on, which of them are the chain's own, and the offsets."""
-    sources, kept = [], []
-    for closed, first, end in zip(chains.closed, chains.offsets[:-1], chains.offsets[1:], strict=True):
-        extra = OVERLAP if closed else 0
-        around = np.arange(-extra, end - first + extra)
-        sources.append(first + around % (end - first))
-        kept.append((around >= 0) & (around < end - first))
-    return np.concatenate(sources), np.concatenate(kept), np.cumsum([0, *map(len, sources)])
+    size, extra = np.diff(chains.offsets), np.where(chains.closed, OVERLAP, 0)
+    runs = size + 2 * extra
+    breaks = np.concatenate([[0], np.cumsum(runs)])
+    around = np.arange(breaks[-1]) - np.repeat(breaks[:-1] + extra, runs)
+    sources = np.repeat(chains.offsets[:-1], runs) + around % np.repeat(size, runs)
+    return sources, (around >= 0) & (around < np.repeat(size, runs)), breaks

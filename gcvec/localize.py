@@ -8,8 +8,8 @@ to where the step of equal area would stand; nodes move to where the borders tha
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from gcvec.borders import Borders
 from gcvec.chains import Chains, chains_of
@@ -17,6 +17,7 @@ from gcvec.contraction import without_shortest
 from gcvec.corners import cut_at_corners
 from gcvec.fairing import faired
 from gcvec.junctions import meeting_points
+from gcvec.parallel import in_shares
 from gcvec.profile import step_shifts
 
 Floats = NDArray[np.float64]
@@ -33,11 +34,22 @@ LEAST_TRUST = 0.001
 NODE_SHIFT = 1.25
 """A node may move so many times further, twice: label maps round corners off."""
 
+REMOTE = 6.0
+"""Nodes further than this from each other cannot change places, pixels."""
+
 NEIGHBOURS = 5
 
-NODE_BLUR = 0.8, 3.0
-"""Nearer to a node than the first, pixels, the photo says nothing about a single border, and further than the
-second, nothing about another."""
+SHADING = 6
+"""Samples either way that tell how the sides' shading moves a step."""
+
+DOUBT = 16.0
+"""How many times its own variance the square of what they tell must exceed to be believed by half."""
+
+NEAREST = 0.8
+"""Nearer to a node, pixels, the photo says nothing about a single border."""
+
+CORNER_BLUR, JUNCTION_BLUR = 2.0, 3.0
+"""Further from a node it says nothing about another, where one border turns and where several meet."""
 
 
 def localized(
@@ -63,24 +75,90 @@ def _on_steps(
     points = chains.joined([border.samples for border in placed.borders])
     nodes, trust = placed.nodes, np.zeros(len(points))
     farthest = np.minimum(NODE_SHIFT * largest_shift, clearance)
+    blur = np.where(_ends_at_nodes(placed) > 2, JUNCTION_BLUR, CORNER_BLUR)
     for _ in range(PASSES):
         normals = _normals(chains, points)
-        shift, trust = step_shifts(picture, points, normals)
-        clear = _clear_of_nodes(chains, points, nodes)
+        shift, trust = _steps(chains, picture, points, normals)
+        clear = _clear_of_nodes(chains, points, nodes, blur)
         seen = np.where(np.isnan(shift)[:, None], origin, points + shift[:, None] * normals)
-        points = faired(chains, seen, np.maximum(trust, LEAST_TRUST) * clear**2)
+        weight = np.maximum(trust, LEAST_TRUST) * clear**2
+        points = faired(chains, seen, weight)
         trust = trust * clear
         points = origin + _limited(points - origin, largest_shift * (2 - clear))
         wanted = meeting_points(chains, points, trust, nodes)
         nodes = placed.nodes + _limited(_on_frame(wanted, traced) - placed.nodes, farthest)
-        points = chains.with_ends(points, nodes)
-    return chains.put_back(placed, nodes, points, _spread(chains, trust))
+        # Next to a node that has moved, borders run straight to it.
+        points = faired(chains, chains.with_ends(points, nodes), weight)
+    return chains.put_back(placed, nodes, points, _spread(trust, chains.offsets, chains.closed))
+
+
+def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """How far along its normal `(n, 2)` each point is from the step, NaN where that cannot be told, and how
+    surely there is one.
+
+    Shading of the sides draws steps to where the sides are more alike; it varies slowly along a border, and
+    what it does is told from many samples.
+    """
+    shares = in_shares(lambda a, b: step_shifts(picture, points[a:b], normals[a:b]), len(points))
+    shift, trust, shaded = (np.concatenate(parts) for parts in zip(*shares, strict=True))
+    return shift + _running_median(shaded, chains.offsets, chains.closed), trust
+
+
+@njit(cache=True, nogil=True)
+def _running_median(values, offsets, closed):
+    """The median `(n,)` of the values known, not NaN, within `SHADING` samples along the chains, the smaller
+    the less sure it is; 0 where they are few."""
+    medians = np.zeros(len(values))
+    near = np.empty(2 * SHADING + 1)
+    for chain in range(len(closed)):
+        first, size = offsets[chain], offsets[chain + 1] - offsets[chain]
+        for k in range(size):
+            count = 0
+            for i in range(k - SHADING, k + SHADING + 1):
+                if closed[chain] and size > 2 * SHADING:
+                    value = values[first + i % size]
+                elif 0 <= i < size:
+                    value = values[first + i]
+                else:
+                    continue
+                if np.isfinite(value):
+                    place = count
+                    while place > 0 and near[place - 1] > value:
+                        near[place] = near[place - 1]
+                        place -= 1
+                    near[place] = value
+                    count += 1
+            if count > SHADING:
+                middle = near[(count - 1) // 2]
+                spread = near[(3 * count) // 4] - near[count // 4]
+                # With `spread` between their quartiles, that is about its variance.
+                variance = spread * spread / count
+                medians[first + k] = middle**3 / (middle * middle + DOUBT * variance + 1e-12)
+    return medians
 
 
 def _clearance(nodes: Floats) -> Floats:
     """How far nodes can move `(k,)` and yet not change places: less than half-way to the next."""
-    distance = np.asarray(KDTree(nodes).query(nodes, k=[2])[0])
-    return np.asarray(np.maximum(0.45 * distance[:, 0], 0.45))
+    return np.asarray(np.maximum(0.45 * _nearest_other(nodes), 0.45))
+
+
+@njit(cache=True, nogil=True)
+def _nearest_other(nodes):
+    """The distance `(k,)` of every node from the nearest other one, infinite if all are `REMOTE`."""
+    order = np.argsort(nodes[:, 0])
+    nearest = np.full(len(nodes), np.inf)
+    for i in range(len(nodes)):
+        a = order[i]
+        for j in range(i + 1, len(nodes)):
+            b = order[j]
+            ahead = nodes[b, 0] - nodes[a, 0]
+            if ahead >= REMOTE:
+                break
+            distance = np.hypot(ahead, nodes[b, 1] - nodes[a, 1])
+            if distance < REMOTE:
+                nearest[a] = min(nearest[a], distance)
+                nearest[b] = min(nearest[b], distance)
+    return nearest
 
 
 def _limited(shift: Floats, largest: Floats | float) -> Floats:
@@ -95,25 +173,38 @@ def _on_frame(wanted: Floats, traced: Borders) -> Floats:
     return np.where(fixed, traced.nodes, np.clip(wanted, 0, size))
 
 
-def _clear_of_nodes(chains: Chains, points: Floats, nodes: Floats) -> Floats:
-    """How far each sample counts `(n,)`, given how near its chain's ends are."""
+def _ends_at_nodes(placed: Borders) -> NDArray[np.int64]:
+    """How many borders end at each node `(k,)`."""
+    ends = [node for b in placed.borders if not b.closed for node in (b.start, b.end)]
+    return np.bincount(np.array(ends, np.int64), minlength=len(placed.nodes))
+
+
+def _clear_of_nodes(chains: Chains, points: Floats, nodes: Floats, blur: Floats) -> Floats:
+    """How far each sample counts `(n,)`, given how near its chain's ends are and how far, `(k,)`, their blur
+    reaches."""
     ends = chains.nodes[chains.of_sample]
-    a, b = nodes[ends[:, 0]], nodes[ends[:, 1]]
-    away = np.minimum(np.hypot(*(points - a).T), np.hypot(*(points - b).T))
     # The middle third of a short border is all that there is.
-    near, far = NODE_BLUR
-    reach = np.clip(np.diff(chains.offsets)[chains.of_sample] * (0.8 / 3), near + 0.5, far)
-    clear = np.clip((away - near) / (reach - near), 0, 1) ** 2
+    third = np.diff(chains.offsets)[chains.of_sample] * (0.8 / 3)
+    clear = np.ones(len(points))
+    for end in ends.T:
+        away = np.hypot(*(points - nodes[end]).T)
+        reach = np.clip(third, NEAREST + 0.5, blur[end])
+        clear = np.minimum(clear, np.clip((away - NEAREST) / (reach - NEAREST), 0, 1) ** 2)
     return np.where(chains.closed[chains.of_sample], 1.0, clear)
 
 
-def _spread(chains: Chains, trust: Floats) -> Floats:
+@njit(cache=True, nogil=True)
+def _spread(trust, offsets, closed):
     """The trust `(n,)` that the best neighbours lend: between and beside sure samples a border is known."""
-    lent = trust
-    for k in range(1, NEIGHBOURS + 1):
-        for steps in (-k, k):
-            other, there = chains.along(steps)
-            lent = np.maximum(lent, np.where(there, trust[other], 0))
+    lent = trust.copy()
+    for chain in range(len(closed)):
+        first, size = offsets[chain], offsets[chain + 1] - offsets[chain]
+        for k in range(size):
+            for i in range(k - NEIGHBOURS, k + NEIGHBOURS + 1):
+                if closed[chain]:
+                    lent[first + k] = max(lent[first + k], trust[first + i % size])
+                elif 0 <= i < size:
+                    lent[first + k] = max(lent[first + k], trust[first + i])
     return lent
 
 

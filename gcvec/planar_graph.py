@@ -23,6 +23,14 @@ OUTSIDE = -1
 _DX = np.array([1, 0, -1, 0])
 _DY = np.array([0, 1, 0, -1])
 
+# For each of them the quadrants left and right of it.
+_BESIDE = {
+    (1, 0): ((1, 0), (1, 1)),
+    (0, 1): ((1, 1), (0, 1)),
+    (-1, 0): ((0, 1), (0, 0)),
+    (0, -1): ((0, 0), (1, 0)),
+}
+
 
 @dataclass(frozen=True)
 class Arc:
@@ -58,69 +66,94 @@ class PlanarGraph:
 
 @njit(cache=True, nogil=True)
 def _cracks(padded):
-    """`(h+1, w+1, 4) bool`: does a crack leave this lattice point to the east, south, west, north?"""
+    """`(h+1, w+1) uint8`: bit d is set where a crack leaves this lattice point to the east, south, west,
+    north; and the number of cracks."""
     height, width = padded.shape[0] - 1, padded.shape[1] - 1
-    cracks = np.zeros((height, width, 4), np.bool_)
+    cracks = np.empty((height, width), np.uint8)
+    total = 0
     for y in range(height):
         for x in range(width):
             north_west, north_east = padded[y, x], padded[y, x + 1]
             south_west, south_east = padded[y + 1, x], padded[y + 1, x + 1]
-            cracks[y, x, 0] = north_east != south_east
-            cracks[y, x, 1] = south_west != south_east
-            cracks[y, x, 2] = north_west != south_west
-            cracks[y, x, 3] = north_west != north_east
-    return cracks
+            east, south = north_east != south_east, south_west != south_east
+            west, north = north_west != south_west, north_west != north_east
+            cracks[y, x] = east + 2 * south + 4 * west + 8 * north
+            total += east + south
+    return cracks, total
 
 
 @njit(cache=True, nogil=True)
-def _trace(cracks, node_at):
-    """Walk every crack once.
+def _nodes(cracks):
+    """`(k, 2) int32` lattice points that are nodes, in raster order, and `(h+1, w+1) int32` their numbers, -1
+    elsewhere."""
+    height, width = cracks.shape
+    node_at = np.full((height, width), -1, np.int32)
+    count = 0
+    for y in range(height):
+        for x in range(width):
+            bits = cracks[y, x]
+            corner = (y == 0 or y == height - 1) and (x == 0 or x == width - 1)
+            if corner or (bits & 1) + (bits >> 1 & 1) + (bits >> 2 & 1) + (bits >> 3) >= 3:
+                node_at[y, x] = count
+                count += 1
+    nodes = np.empty((count, 2), np.int32)
+    for y in range(height):
+        for x in range(width):
+            if node_at[y, x] >= 0:
+                nodes[node_at[y, x], 0], nodes[node_at[y, x], 1] = x, y
+    return nodes, node_at
 
-    Returns the visited lattice points one arc after another, the arcs' first indices in them, and each arc's
-    first direction.
+
+@njit(cache=True, nogil=True)
+def _trace(cracks, total, nodes, node_at):
+    """Walk every crack once: first from the nodes, then around what meets none.
+
+    Returns the visited lattice points one arc after another, and the arcs' first indices in them.
     """
-    height, width = node_at.shape
     todo = cracks.copy()
-    total = 0
+    # An arc has one point more than cracks.
+    points = np.empty((2 * total + 1, 2), np.int32)
+    offsets = np.empty(total + 2, np.int64)
+    n_points, n_arcs = 0, 0
+    for k in range(len(nodes)):
+        for d in range(4):
+            if todo[nodes[k, 1], nodes[k, 0]] >> d & 1:
+                offsets[n_arcs] = n_points
+                n_arcs += 1
+                n_points = _walk(cracks, todo, node_at, nodes[k, 0], nodes[k, 1], d, points, n_points)
+    height, width = cracks.shape
     for y in range(height):
         for x in range(width):
             for d in range(4):
-                total += cracks[y, x, d]
-    points = np.empty((total + 1, 2), np.int32)
-    offsets = np.empty(total // 2 + 2, np.int64)
-    n_points, n_arcs = 0, 0
-    for closed_pass in range(2):
-        for y0 in range(height):
-            for x0 in range(width):
-                if closed_pass == 0 and node_at[y0, x0] < 0:
-                    continue
-                for d0 in range(4):
-                    if not todo[y0, x0, d0]:
-                        continue
+                if todo[y, x] >> d & 1:
                     offsets[n_arcs] = n_points
                     n_arcs += 1
-                    x, y, d = x0, y0, d0
-                    points[n_points, 0], points[n_points, 1] = x, y
-                    n_points += 1
-                    while True:
-                        todo[y, x, d] = False
-                        x += _DX[d]
-                        y += _DY[d]
-                        todo[y, x, (d + 2) % 4] = False
-                        if n_points == len(points):
-                            grown = np.empty((2 * len(points), 2), np.int32)
-                            grown[:n_points] = points
-                            points = grown
-                        points[n_points, 0], points[n_points, 1] = x, y
-                        n_points += 1
-                        if node_at[y, x] >= 0 or (x == x0 and y == y0):
-                            break
-                        for turn in range(4):
-                            if turn != (d + 2) % 4 and cracks[y, x, turn]:
-                                d = turn
-                                break
+                    n_points = _walk(cracks, todo, node_at, x, y, d, points, n_points)
     offsets[n_arcs] = n_points
-    return points[:n_points], offsets[: n_arcs + 1]
+    return points[:n_points].copy(), offsets[: n_arcs + 1].copy()
+
+
+@njit(cache=True, nogil=True)
+def _walk(cracks, todo, node_at, x0, y0, d, points, n_points):
+    """Write the lattice points from (x0, y0), leaving it in the direction d, to the next node or back;
+    returns the new number of points."""
+    x, y = x0, y0
+    points[n_points, 0], points[n_points, 1] = x, y
+    n_points += 1
+    while True:
+        todo[y, x] &= ~np.uint8(1 << d)
+        x += _DX[d]
+        y += _DY[d]
+        back = (d + 2) % 4
+        todo[y, x] &= ~np.uint8(1 << back)
+        points[n_points, 0], points[n_points, 1] = x, y
+        n_points += 1
+        if node_at[y, x] >= 0 or (x == x0 and y == y0):
+            return n_points
+        for turn in range(4):
+            if turn != back and cracks[y, x] >> turn & 1:
+                d = turn
+                break
 
 
 def planar_graph(labels: NDArray[np.int32]) -> PlanarGraph:
@@ -128,30 +161,18 @@ def planar_graph(labels: NDArray[np.int32]) -> PlanarGraph:
 
     `labels` is `(h, w) int32` with regions numbered 0..n-1, each 4-connected.
     """
-    height, width = labels.shape
     padded = np.pad(labels, 1, constant_values=OUTSIDE)
-    cracks = _cracks(padded)
-    is_node = cracks.sum(axis=2) >= 3
-    is_node[[0, 0, height, height], [0, width, 0, width]] = True
-    node_at = np.full(is_node.shape, -1, np.int32)
-    ys, xs = np.nonzero(is_node)
-    node_at[ys, xs] = np.arange(len(ys))
-    points, offsets = _trace(cracks, node_at)
+    cracks, total = _cracks(padded)
+    nodes, node_at = _nodes(cracks)
+    points, offsets = _trace(cracks, total, nodes, node_at)
     arcs = tuple(_arc(points[a:b], padded, node_at) for a, b in zip(offsets[:-1], offsets[1:], strict=True))
-    nodes = np.stack([xs, ys], axis=1).astype(np.int32)
     return PlanarGraph(nodes, arcs, _loops(arcs, int(labels.max()) + 1))
 
 
 def _arc(points: NDArray[np.int32], padded: NDArray[np.int32], node_at: NDArray[np.int32]) -> Arc:
-    (x, y), (x1, y1) = points[0], points[1]
+    (x, y), (x1, y1) = points[:2].tolist()
     # Quadrants around the first lattice point, in the padded map: [y, x] is its north-west pixel.
-    step = (int(x1 - x), int(y1 - y))
-    left, right = {
-        (1, 0): (padded[y, x + 1], padded[y + 1, x + 1]),
-        (0, 1): (padded[y + 1, x + 1], padded[y + 1, x]),
-        (-1, 0): (padded[y + 1, x], padded[y, x]),
-        (0, -1): (padded[y, x], padded[y, x + 1]),
-    }[step]
+    left, right = (padded[y + v, x + u] for u, v in _BESIDE[x1 - x, y1 - y])
     last = points[-1]
     return Arc(points, int(left), int(right), int(node_at[y, x]), int(node_at[last[1], last[0]]))
 

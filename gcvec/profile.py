@@ -8,6 +8,12 @@ from numba import njit
 REACH = 2.5
 """The profile is read this far to either side, pixels."""
 
+FLANK = 1.5
+"""From here on, pixels off the line, it shows nothing but a side's own colour."""
+
+SPACING = 0.25
+"""Of a profile's samples, pixels."""
+
 LEAST_STEP, SURE_STEP = 0.02, 0.06
 """Distances between the colours of both sides, of colours in [0, 1], below which a step is not trusted, and
 above which it is wholly."""
@@ -15,12 +21,18 @@ above which it is wholly."""
 LARGEST_SPREAD = 0.25
 """How far a side's own colours may spread, as a share of the step."""
 
+LARGEST_RAMP = 0.5
+"""By how much of the step a side's colour may change between the line and its flank, to be taken for
+shading."""
+
 UNEVEN = 0.3
 """What a sample counts where uneven sides hide where between two pixel centres the step lies."""
 
+_PER_SIDE, _FLANK = round(REACH / SPACING), round(FLANK / SPACING)
+
 
 @njit(cache=True, nogil=True)
-def _color_at(picture, x, y, out):
+def color_at(picture, x, y, out):
     """Bilinear interpolation between pixel centres, clamped at the frame."""
     height, width = picture.shape[:2]
     x = min(max(x - 0.5, 0.0), width - 1.0)
@@ -35,47 +47,119 @@ def _color_at(picture, x, y, out):
 
 
 @njit(cache=True, nogil=True)
+def _line_through(profile, sign, sloped, color, slope):
+    """A side's colour on the line and its change a pixel, by least squares through the samples of the
+    flank on the side `sign`; without a slope their mean. Returns the mean squared distance of the samples."""
+    n = _PER_SIDE - _FLANK + 1
+    middle = sign * (REACH + FLANK) / 2
+    spread = 0.0
+    for c in range(3):
+        mean, along, square = 0.0, 0.0, 0.0
+        for k in range(_FLANK, _PER_SIDE + 1):
+            s = sign * k * SPACING - middle
+            mean += profile[_PER_SIDE + sign * k, c] / n
+            along += s * profile[_PER_SIDE + sign * k, c]
+            square += s * s
+        slope[c] = along / square if sloped else 0.0
+        color[c] = mean - slope[c] * middle
+        for k in range(_FLANK, _PER_SIDE + 1):
+            off = profile[_PER_SIDE + sign * k, c] - color[c] - slope[c] * sign * k * SPACING
+            spread += off * off / n
+    return spread
+
+
+@njit(cache=True, nogil=True)
+def _sides(profile, sloped, low, low_slope, high, high_slope):
+    """Both sides' lines; returns the squares of the step between them, of how far they spread and of how far
+    they change between the line and their flanks."""
+    spread = _line_through(profile, -1, sloped, low, low_slope)
+    spread = (spread + _line_through(profile, 1, sloped, high, high_slope)) / 2
+    step, ramp = 0.0, 0.0
+    reach = (REACH + FLANK) / 2
+    for c in range(3):
+        step += (high[c] - low[c]) ** 2
+        ramp += (reach * max(abs(low_slope[c]), abs(high_slope[c]))) ** 2
+    return step, spread, ramp
+
+
+@njit(cache=True, nogil=True)
+def _thin(profile, low, high, spread):
+    """Whether between even sides of one colour there is something of another: a line too thin for its borders
+    to be told apart."""
+    largest = 0.0
+    for k in range(_PER_SIDE - _FLANK, _PER_SIDE + _FLANK + 1):
+        square = 0.0
+        for c in range(3):
+            square += (profile[k, c] - (low[c] + high[c]) / 2) ** 2
+        largest = max(largest, square)
+    return largest >= 3 * SURE_STEP**2 and spread <= LARGEST_SPREAD**2 * largest
+
+
+@njit(cache=True, nogil=True)
+def _flat_step(profile, low, high):
+    """Where the step is between sides of one colour each: the far one's share, integrated over the profile,
+    is the length that lies beyond it."""
+    beyond = 0.0
+    for k in range(2 * _PER_SIDE + 1):
+        share, square = 0.0, 0.0
+        for c in range(3):
+            share += (profile[k, c] - low[c]) * (high[c] - low[c])
+            square += (high[c] - low[c]) ** 2
+        beyond += min(max(share / square, 0.0), 1.0) * _weight(k)
+    return REACH - beyond
+
+
+@njit(cache=True, nogil=True)
+def _shaded_step(profile, low, low_slope, high, high_slope):
+    """Where the step is between two lines that have the profile's integral, which blur does not change."""
+    missing, step, growth = 0.0, 0.0, 0.0
+    for c in range(3):
+        height = high[c] - low[c]
+        integral = REACH * (low[c] + high[c]) + REACH**2 / 2 * (high_slope[c] - low_slope[c])
+        for k in range(2 * _PER_SIDE + 1):
+            integral -= profile[k, c] * _weight(k)
+        missing += integral * height
+        step += height * height
+        growth += (high_slope[c] - low_slope[c]) * height
+    # step * at + growth * at² / 2 = missing
+    root = np.sqrt(max(step * step + 2 * growth * missing, 0.0))
+    return min(max(2 * missing / (step + root), -REACH), REACH)
+
+
+@njit(cache=True, nogil=True)
+def _weight(k):
+    """Of a sample in an integral over the profile."""
+    return SPACING / 2 if k == 0 or k == 2 * _PER_SIDE else SPACING
+
+
+@njit(cache=True, nogil=True)
 def step_shifts(picture, points, normals):
-    """How far along its normal from each point the step is, and how surely there is a step near, in [0, 1].
+    """How far along its normal from each point the step is, how surely there is a step near, in [0, 1], and
+    by how much more if both sides go on changing up to the step as they change beside it.
 
     NaN where that cannot be told: the sides are too much alike, or too uneven.
     """
-    per_side = 10
-    step = REACH / per_side
-    n_profile = 2 * per_side + 1
-    profile = np.empty((n_profile, 3))
-    low, high = np.empty(3), np.empty(3)
-    shift, trust = np.full(len(points), np.nan), np.zeros(len(points))
-    for i in range(len(points)):
-        for k in range(n_profile):
-            offset = (k - per_side) * step
-            _color_at(
-                picture,
-                points[i, 0] + offset * normals[i, 0],
-                points[i, 1] + offset * normals[i, 1],
-                profile[k],
-            )
-        flat = 5
-        square, spread = 0.0, 0.0
-        for c in range(3):
-            low[c] = profile[:flat, c].mean()
-            high[c] = profile[n_profile - flat :, c].mean()
-            square += (high[c] - low[c]) ** 2
-            for k in range(flat):
-                spread += (profile[k, c] - low[c]) ** 2 + (profile[n_profile - 1 - k, c] - high[c]) ** 2
-        if square < 3 * LEAST_STEP**2:
+    profile = np.empty((2 * _PER_SIDE + 1, 3))
+    low, high, low_slope, high_slope = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    n = len(points)
+    shift, trust, shaded = np.full(n, np.nan), np.zeros(n), np.full(n, np.nan)
+    for i in range(n):
+        for k in range(-_PER_SIDE, _PER_SIDE + 1):
+            x = points[i, 0] + k * SPACING * normals[i, 0]
+            y = points[i, 1] + k * SPACING * normals[i, 1]
+            color_at(picture, x, y, profile[k + _PER_SIDE])
+        step, spread, _ = _sides(profile, False, low, low_slope, high, high_slope)
+        if step < 3 * LEAST_STEP**2:
+            if _thin(profile, low, high, spread):
+                trust[i] = UNEVEN
             continue
-        trust[i] = min(np.sqrt(square / 3) / SURE_STEP, 1.0)
-        if spread / (2 * flat) > LARGEST_SPREAD**2 * square:
+        trust[i] = min(np.sqrt(step / 3) / SURE_STEP, 1.0)
+        if spread > LARGEST_SPREAD**2 * step:
             trust[i] *= UNEVEN
             continue
-        # The share of the far colour, integrated over the profile, is the length that lies beyond the step.
-        beyond = 0.0
-        for k in range(n_profile):
-            share = 0.0
-            for c in range(3):
-                share += (profile[k, c] - low[c]) * (high[c] - low[c])
-            share = min(max(share / square, 0.0), 1.0)
-            beyond += share * (0.5 if k == 0 or k == n_profile - 1 else 1.0) * step
-        shift[i] = REACH - beyond
-    return shift, trust
+        shift[i] = _flat_step(profile, low, high)
+        step, spread, ramp = _sides(profile, True, low, low_slope, high, high_slope)
+        even = ramp <= LARGEST_RAMP**2 * step and spread <= LARGEST_SPREAD**2 * step
+        if step >= 3 * LEAST_STEP**2 and even:
+            shaded[i] = _shaded_step(profile, low, low_slope, high, high_slope) - shift[i]
+    return shift, trust, shaded

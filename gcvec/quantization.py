@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-
-from gcvec.boundary import Curve, straight_line
 
 
 @dataclass(frozen=True)
@@ -42,12 +40,3 @@ class Quantization:
     def point(self) -> float:
         """Step of interior colours, for colours in [0, 1]."""
         return self.point_step / 1020
-
-
-def rounded_curve(curve: Curve, grid: float) -> Curve:
-    """The curve with control points on the grid of the file, as a decoder will see it, so that the fit can
-    count on it; on the frame it stays a straight line."""
-    control = np.round(curve.control_points / grid) * grid
-    if curve.on_frame:
-        control = straight_line(control[0], control[-1], curve.segments)
-    return replace(curve, control_points=control)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from gcvec.components import SLIVER_AREA
+from gcvec.components import SLIVER_AREA, join, set_numbers
 
 _SATURATION = 4.0
 """A piece of border is worth at most this many times what it costs: beyond that points could do its work."""
@@ -50,7 +49,8 @@ def borders_between(
     energy = np.square(step).mean(axis=1)
     excess = np.maximum(energy / _SATURATION, 1.0)
     step = step / np.sqrt(excess)[:, None]
-    return _summed(origin, target, np.ones(len(origin)), energy / excess, step)
+    n = int(max(origin.max(initial=-1), target.max(initial=-1))) + 1
+    return Borders(*summed(origin, target, np.ones(len(origin)), energy / excess, step, n))
 
 
 def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDArray[np.int64]:
@@ -62,9 +62,9 @@ def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDAr
     """
     groups = np.arange(len(areas))
     while len(borders) and len(areas) > max(regions, 1):
-        smaller = _smaller(borders, areas)
-        gain = _gain(borders, areas[smaller])
-        chosen = _weakest_of_smaller(borders, smaller, gain)
+        b = borders
+        smaller, gain = border_gains(b.first, b.second, b.length, b.energy, b.step, areas)
+        chosen = weakest_of_smaller(borders.first, borders.second, smaller, gain, len(areas))
         most = max(len(areas) // _BATCH, 1)
         if regions:
             most = min(most, len(areas) - regions)
@@ -73,42 +73,50 @@ def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDAr
         chosen = _smallest(gain, chosen, most)
         if not len(chosen):
             break
-        joined = _joined(borders, chosen, len(areas))
+        joined = joined_regions(borders.first[chosen], borders.second[chosen], len(areas))
         areas = np.bincount(joined, areas).astype(np.int64)
         groups = joined[groups]
-        borders = _contracted(borders, joined)
+        first, second = joined[borders.first], joined[borders.second]
+        borders = Borders(*summed(first, second, borders.length, borders.energy, borders.step, len(areas)))
     return groups
 
 
-def _smaller(borders: Borders, areas: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The smaller region at each border; of equal ones the first."""
-    return np.where(areas[borders.second] < areas[borders.first], borders.second, borders.first)
-
-
-def _gain(borders: Borders, smaller_area: NDArray[np.int64]) -> NDArray[np.float64]:
-    """What a border saves less what it costs, per pixel of its length.
+@njit(cache=True, nogil=True)
+def border_gains(first, second, length, energy, step, areas):
+    """The smaller region at each border, of equal ones the first, and what the border saves less what it
+    costs, per pixel of its length.
 
     A step of one sign along the whole border counts in full; one whose sign changes, as between the
     grains of a texture, counts half.
     """
-    mean_step = borders.step / borders.length[:, None]
-    worth = (borders.energy / borders.length + np.square(mean_step).mean(axis=1)) / 2
-    gain: NDArray[np.float64] = worth - 1 - _REGION_COST / smaller_area
-    return gain - _SLIVERS_FIRST * (smaller_area < SLIVER_AREA)
+    smaller, gain = np.empty(len(first), np.int64), np.empty(len(first))
+    for k in range(len(first)):
+        smaller[k] = second[k] if areas[second[k]] < areas[first[k]] else first[k]
+        area = areas[smaller[k]]
+        square = 0.0
+        for c in range(3):
+            square += (step[k, c] / length[k]) ** 2 / 3
+        gain[k] = (energy[k] / length[k] + square) / 2 - 1 - _REGION_COST / area
+        if area < SLIVER_AREA:
+            gain[k] -= _SLIVERS_FIRST
+    return smaller, gain
 
 
-def _weakest_of_smaller(
-    borders: Borders, smaller: NDArray[np.int64], gain: NDArray[np.float64]
-) -> NDArray[np.int64]:
+@njit(cache=True, nogil=True)
+def weakest_of_smaller(first, second, smaller, gain, n):
     """The borders that are the weakest of all that the smaller of their regions has, one a region.
 
     So a small region between two large ones joins one of them and never both at once, and no cycle arises.
     """
-    weakest = np.full(borders.second.max() + 1, np.inf)
-    np.minimum.at(weakest, borders.first, gain)
-    np.minimum.at(weakest, borders.second, gain)
-    candidates = np.flatnonzero(gain == weakest[smaller])
-    return candidates[np.unique(smaller[candidates], return_index=True)[1]]
+    weakest = np.full(n, np.inf)
+    for k in range(len(first)):
+        weakest[first[k]] = min(weakest[first[k]], gain[k])
+        weakest[second[k]] = min(weakest[second[k]], gain[k])
+    of_region = np.full(n, -1, np.int64)
+    for k in range(len(first)):
+        if gain[k] == weakest[smaller[k]] and of_region[smaller[k]] < 0:
+            of_region[smaller[k]] = k
+    return of_region[of_region >= 0]
 
 
 def _smallest(values: NDArray[np.float64], indices: NDArray[np.int64], count: int) -> NDArray[np.int64]:
@@ -118,34 +126,46 @@ def _smallest(values: NDArray[np.float64], indices: NDArray[np.int64], count: in
     return indices[np.argpartition(values[indices], count)[:count]]
 
 
-def _joined(borders: Borders, chosen: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """The new number of each region when those on both sides of the chosen borders become one."""
-    ends = borders.first[chosen], borders.second[chosen]
-    graph = coo_array((np.ones(len(chosen), dtype=np.int8), ends), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+@njit(cache=True, nogil=True)
+def joined_regions(first, second, n):
+    """The new number `(n,)` of each region when those on both sides of these borders become one."""
+    parent = np.arange(n)
+    for k in range(len(first)):
+        join(parent, first[k], second[k])
+    return set_numbers(parent)
 
 
-def _contracted(borders: Borders, joined: NDArray[np.int64]) -> Borders:
-    first, second = joined[borders.first], joined[borders.second]
-    kept = first != second
-    return _summed(first[kept], second[kept], borders.length[kept], borders.energy[kept], borders.step[kept])
+@njit(cache=True, nogil=True)
+def summed(origin, target, length, energy, step, n):
+    """One border a pair of different regions, whichever of the two comes first: the columns of `Borders`."""
+    low, high = np.minimum(origin, target), np.maximum(origin, target)
+    order = _by(low, _by(high, np.flatnonzero(origin != target), n), n)
+    first, second = np.empty(len(order), np.int64), np.empty(len(order), np.int64)
+    lengths, energies, steps = np.empty(len(order)), np.empty(len(order)), np.empty((len(order), 3))
+    last = -1
+    for k in order:
+        if last < 0 or first[last] != low[k] or second[last] != high[k]:
+            last += 1
+            first[last], second[last] = low[k], high[k]
+            lengths[last], energies[last], steps[last] = 0.0, 0.0, 0.0
+        lengths[last] += length[k]
+        energies[last] += energy[k]
+        for c in range(3):
+            steps[last, c] += step[k, c] if origin[k] < target[k] else -step[k, c]
+    n = last + 1
+    return first[:n], second[:n], lengths[:n], energies[:n], steps[:n]
 
 
-def _summed(
-    origin: NDArray[np.int64],
-    target: NDArray[np.int64],
-    length: NDArray[np.float64],
-    energy: NDArray[np.float64],
-    step: NDArray[np.float64],
-) -> Borders:
-    """One border a pair of regions, whichever of the two comes first."""
-    if not len(origin):
-        return Borders(origin, target, length, energy, step)
-    step = np.where((origin < target)[:, None], step, -step)
-    pair = np.minimum(origin, target) * (max(origin.max(), target.max()) + 1) + np.maximum(origin, target)
-    order = np.argsort(pair, kind="stable")
-    pair = pair[order]
-    starts = np.flatnonzero(np.diff(pair, prepend=-1))
-    first, second = np.divmod(pair[starts], max(origin.max(), target.max()) + 1)
-    sums = (np.add.reduceat(values[order], starts, axis=0) for values in (length, energy, step))
-    return Borders(first, second, *sums)
+@njit(cache=True, nogil=True)
+def _by(keys, indices, n):
+    """The indices in the order of their keys, each below n; those of one key stay in their order."""
+    starts = np.zeros(n + 1, np.int64)
+    for k in indices:
+        starts[keys[k] + 1] += 1
+    for key in range(n):
+        starts[key + 1] += starts[key]
+    ordered = np.empty(len(indices), np.int64)
+    for k in indices:
+        ordered[starts[keys[k]]] = k
+        starts[keys[k]] += 1
+    return ordered

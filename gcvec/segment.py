@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from skimage.segmentation import watershed
 
 from gcvec.components import connected_components
 from gcvec.partition import Partition
 from gcvec.region_merging import Borders, borders_between, merged
+from gcvec.watershed import flooded, minima
 
 REGION = "region"
 """Name of the regions found."""
@@ -62,9 +62,8 @@ def _basins(colours: _Colours, scale: int) -> NDArray[np.int32]:
 
 
 def _flooded(steepness: NDArray[np.float32], markers: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
-    """Basins around the markers, else around every minimum; what is flat everywhere is one basin."""
-    basins = watershed(steepness, markers, connectivity=1)
-    return np.maximum(np.asarray(basins, dtype=np.int32) - 1, 0)
+    """Basins, numbered from 0, around the markers, else around every minimum."""
+    return flooded(steepness, minima(steepness) if markers is None else markers) - 1
 
 
 def _markers(colours: _Colours, scale: int) -> NDArray[np.int32]:

@@ -6,8 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from examples.scenes import HAND, Scene, balls, color
+from gcvec import Options, vectorize
 
 
 @pytest.fixture(scope="module")
@@ -43,3 +45,20 @@ def test_distance_to_circles(scene: Scene) -> None:
     ball = scene.balls[0]
     points = np.array([[ball.x + ball.radius + 0.5, ball.y], [ball.x, ball.y - ball.radius + 0.25]])
     np.testing.assert_allclose(scene.distance_to_circles(points), [0.5, 0.25])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_vector_image_knows_more_than_the_pixels(seed: int) -> None:
+    """Enlarged four times it is 8 dB nearer to the truth than the photo interpolated by Lanczos' kernel."""
+    scene = balls(seed)
+    image = vectorize(scene.pixels, scene.annotations, Options(target_mse=1.0))
+    size = scene.enlarged.shape[1], scene.enlarged.shape[0]
+    interpolated = np.asarray(Image.fromarray(scene.pixels).resize(size, Image.Resampling.LANCZOS))
+    gain = psnr(image.render(scale=4), scene.enlarged) - psnr(interpolated, scene.enlarged)
+    assert image.report
+    assert image.report.mse <= 1.0
+    assert gain >= 8.0
+
+
+def psnr(picture: np.ndarray, truth: np.ndarray) -> float:
+    return float(10 * np.log10(255**2 / ((picture.astype(float) - truth) ** 2).mean()))

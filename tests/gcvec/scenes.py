@@ -75,6 +75,27 @@ def _quadrants(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return (x >= 82).astype(int) + 2 * (y >= 70)
 
 
+def _nested(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Rings within rings, from ten pixels wide to one."""
+    radii = np.array([4.0, 5.1, 7.2, 10.0, 14.0, 20.0, 30.0])
+    return np.asarray(np.searchsorted(radii, np.hypot(x - 34.3, y - 32.8)))
+
+
+def _needles(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Two needles that end in points, one of which pierces the frame, and a wedge between two regions."""
+    long = (np.abs(y - 14 - 0.1 * x) < 3 * (1 - x / 62)).astype(int)
+    short = np.abs(x - 52.3) < 2.4 * np.clip((y - 26) / 22, 0, 1) * (y < 48)
+    wedge = (y > 36) & (x < 40) & (np.abs(y - 46) < (40 - x) / 8)
+    lower = (y > 46) & (x < 46)
+    return np.asarray(np.select([wedge, short, long > 0, lower], [4, 2, 1, 3], 0))
+
+
+def _wheel(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Eight slices that meet in one point and reach the frame."""
+    angle = np.arctan2(y - 29.6, x - 31.2) + 0.3
+    return np.asarray((angle % (2 * np.pi) / (np.pi / 4)).astype(int))
+
+
 def _diagonal() -> np.ndarray:
     """Two regions that touch in one lattice point, on a third that they cut in two."""
     labels = np.zeros((24, 24), np.int32)
@@ -110,6 +131,9 @@ SCENES = {
     "diagonal": drawn(_diagonal()),
     "stripes": drawn(_stripes()),
     "voronoi": voronoi(70, 90, 25, 4),
+    "nested": Scene(66, 70, _nested),
+    "needles": Scene(60, 64, _needles),
+    "wheel": Scene(58, 62, _wheel),
 }
 
 

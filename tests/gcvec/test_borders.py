@@ -67,7 +67,7 @@ def points_of(curve: Curve) -> np.ndarray:
 def test_curves_part_at_every_corner(scene: Buildings, network: Network) -> None:
     assert len(scene.corners) >= 12
     off = nearest(nodes_with(network, range(2, 3)), scene.corners)
-    assert off.max() <= 0.25, scene.corners[off > 0.25]
+    assert off.max() <= 0.2, scene.corners[off > 0.2]
 
 
 def test_curves_part_nowhere_else(scene: Buildings, network: Network) -> None:
@@ -93,8 +93,8 @@ def test_four_and_five_regions_meet_in_one_junction(scene: Buildings, network: N
 def test_arcs_follow_the_true_borders(scene: Buildings, network: Network) -> None:
     points = np.concatenate([points_of(curve) for curve in inner(network)])
     off = shapely.distance(scene.borders, shapely.points(points))
-    assert np.sqrt((off**2).mean()) <= 0.08
-    assert np.quantile(off, 0.99) <= 0.35
+    assert np.sqrt((off**2).mean()) <= 0.04
+    assert np.quantile(off, 0.99) <= 0.15
 
 
 def test_curves_are_smooth_at_polygon_vertices(network: Network) -> None:
@@ -120,11 +120,25 @@ def _tangents(curve: Curve, u: np.ndarray, side: int) -> np.ndarray:
     return np.asarray((1 - t) ** 2 * step[:, 0] + 2 * t * (1 - t) * step[:, 1] + t**2 * step[:, 2])
 
 
-def test_lonely_circles_are_round() -> None:
-    scene = balls()
-    network = network_of(scene.pixels, scene.annotations)
-    closed = [curve for curve in inner(network) if curve.closed]
-    assert len(closed) == 4
-    for curve in closed:
+@pytest.mark.parametrize("seed", [0, 1])
+def test_circles_are_round(seed: int) -> None:
+    """Each ball's outline, shaded on both sides, as well where two balls overlap."""
+    scene = balls(seed)
+    arcs = inner(network_of(scene.pixels, scene.annotations))
+    assert len(arcs) == len(scene.balls) + 1
+    assert sum(curve.closed for curve in arcs) == 4
+    for curve in arcs:
         off = scene.distance_to_circles(points_of(curve))
         assert np.sqrt((off**2).mean()) <= 0.045
+
+
+def test_borders_run_straight_to_their_nodes(network: Network) -> None:
+    """No hook: next to its ends, where the photo says little, a curve hardly turns."""
+    for curve in inner(network):
+        points = points_of(curve)
+        way = np.diff(points, axis=0)
+        run = np.cumsum(np.hypot(*way.T))
+        angle = np.arctan2(way[:, 1], way[:, 0])
+        turn = np.abs((np.diff(angle) + np.pi) % (2 * np.pi) - np.pi)
+        for near in (run[:-1] < 3.5, run[:-1] > run[-1] - 3.5):
+            assert curve.closed or np.rad2deg(turn[near].sum()) < 25

@@ -4,10 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import ndimage
+from skimage import filters
 
 from gcvec.borders import borders
 from gcvec.boundary import Network
-from gcvec.boundary_color import ColorSamples, color_samples, fit_boundary_colors, hard_edges
+from gcvec.boundary_color import (
+    ColorSamples,
+    _inward,
+    color_samples,
+    colors_at,
+    fit_boundary_colors,
+    gradient_strength,
+    hard_edges,
+    mean_colors,
+    medians,
+)
 from gcvec.boundary_fit import fitted_network
 from gcvec.color_space import LEFT, RIGHT, color_space
 from gcvec.planar_graph import OUTSIDE, planar_graph
@@ -139,3 +151,59 @@ def test_colours_stay_in_the_box() -> None:
     assert colors.max() <= 1
     assert colors.min() < 0.02
     assert colors.max() > 0.98
+
+
+def noise(height: int, width: int) -> np.ndarray:
+    return np.random.default_rng(5).random((height, width, 3))
+
+
+def test_gradient_strength_equals_scikit_images() -> None:
+    picture = noise(20, 30)
+    magnitude = np.sqrt(sum(filters.sobel(picture[..., c]) ** 2 for c in range(3)) / 3)
+    y, x = (k.ravel() for k in np.mgrid[:20, :30])
+    expected = ndimage.uniform_filter(magnitude, 3)[y, x]
+    np.testing.assert_allclose(gradient_strength(picture, y, x), expected, atol=1e-12)
+
+
+def test_medians_and_means_equal_numpys() -> None:
+    rng = np.random.default_rng(6)
+    group, values = np.append(rng.integers(0, 5, 60), np.arange(5)), rng.random(65)
+    expected = [np.median(values[group == k]) for k in range(5)]
+    np.testing.assert_allclose(medians(values, group, 5), expected)
+    picture, labels = noise(8, 9), rng.integers(0, 4, (8, 9)).astype(np.int32)
+    means = [picture[labels == k].mean(axis=0) for k in range(4)]
+    np.testing.assert_allclose(mean_colors(picture, labels, 4), means)
+
+
+def test_colors_between_pixel_centres_equal_scipys() -> None:
+    picture = noise(8, 9)
+    places = np.random.default_rng(7).uniform([-1, -1], [10, 9], (50, 2))
+    expected = [
+        ndimage.map_coordinates(picture[..., c], places.T[::-1] - 0.5, order=1, mode="nearest")
+        for c in range(3)
+    ]
+    np.testing.assert_allclose(colors_at(picture, places), np.stack(expected, axis=1), atol=1e-12)
+
+
+def test_inward_pixels_are_the_nearest_whole_ones_of_their_region() -> None:
+    labels = SCENES["voronoi"].labels
+    height, width = labels.shape
+    padded = np.pad(labels, 1, mode="edge")
+    steps = [(1 + i, 1 + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    blocks = np.stack([padded[i : i + height, j : j + width] for i, j in steps])
+    whole = (blocks == labels).all(axis=0)
+    found = _inward(labels)
+    assert (found[whole] == np.arange(labels.size).reshape(labels.shape)[whole]).all()
+    y, x = np.divmod(found, width)
+    np.testing.assert_array_equal(labels[y, x], labels)
+    steps = np.abs(y - np.arange(height)[:, None]) + np.abs(x - np.arange(width))
+    for own in range(labels.max() + 1):
+        region, inner = labels == own, whole & (labels == own)
+        if not inner.any():
+            assert (steps[region] == 0).all()
+            continue
+        distance, reached = np.where(inner, 0, 10**6), inner
+        for n in range(1, 60):
+            reached = ndimage.binary_dilation(reached) & region
+            distance = np.where(reached, np.minimum(distance, n), distance)
+        assert (steps[region] <= distance[region]).all()

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gcvec import bspline
+from gcvec import bspline, spline_fit
 from gcvec.borders import borders
 from gcvec.boundary import Curve, Network
 from gcvec.boundary_fit import fitted_network
@@ -112,7 +112,7 @@ def test_curves_that_share_a_node_do_not_cross() -> None:
 def circle(radius: float) -> Curve:
     angle = np.linspace(0, 2 * np.pi, 300)
     samples = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return Curve(bspline.fit_within(samples, 0.05, 8, closed=True), 0, 1, -1, -1)
+    return Curve(spline_fit.fit_within(samples, 0.05, 8, closed=True), 0, 1, -1, -1)
 
 
 def alone(curve: Curve) -> Network:

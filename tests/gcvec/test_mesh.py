@@ -95,6 +95,46 @@ def test_triangles_are_positive_and_fill_each_domain(scene: str) -> None:
         assert area.sum() == pytest.approx(network.width * network.height)
 
 
+@pytest.mark.parametrize("scene", SCENES)
+def test_only_boundary_samples_lie_on_one_circle(scene: str) -> None:
+    """The jitter leaves no tie between two diagonals to any interior vertex."""
+    foundation = foundation_of(scene)
+    mesh = build_mesh(foundation.network, foundation.samples, some_points(foundation, 60))
+    quads = [q for q in diagonals(mesh.triangles) if abs(in_circle(mesh.vertices[q])) < 1e-9]
+    assert all(max(quad) < mesh.n_samples for quad in quads)
+    if scene == "whole":
+        assert quads  # the rectangles between opposite sides of the frame
+
+
+def test_ties_are_broken_by_the_order_of_vertices_alone() -> None:
+    """Samples on a lattice, nothing but ties: the same order of vertices makes the same mesh."""
+    y, x = np.mgrid[:6, :7]
+    vertices = np.stack([x.ravel(), y.ravel()], axis=1).astype(float)
+    ring = np.flatnonzero((x.ravel() == 0) | (x.ravel() == 6) | (y.ravel() == 0) | (y.ravel() == 5))
+    angle = np.arctan2(vertices[ring, 1] - 2.5, vertices[ring, 0] - 3)
+    ring = ring[np.argsort(angle)]
+    segments = np.stack([ring, np.roll(ring, -1)], axis=1)
+    expected, _ = constrained_delaunay(vertices, segments)
+    assert len(expected) == 2 * 5 * 6
+    for shift in (0.0, 1000.0):
+        again, _ = constrained_delaunay(vertices.copy() + shift, segments[::-1])
+        np.testing.assert_array_equal(again, expected)
+
+
+def diagonals(triangles: np.ndarray) -> list[list[int]]:
+    """Of every edge between two triangles, the corners of both: its ends, then the two opposite."""
+    opposite: dict[tuple[int, int], int] = {}
+    for a, b, c in triangles.tolist():
+        opposite |= {(a, b): c, (b, c): a, (c, a): b}
+    return [[a, b, c, opposite[b, a]] for (a, b), c in opposite.items() if a < b and (b, a) in opposite]
+
+
+def in_circle(quad: np.ndarray) -> float:
+    """0 if the corners `(4, 2)` lie on one circle, relative to their extent."""
+    off = (quad[:3] - quad[3]) / np.abs(quad - quad[3]).max()
+    return float(np.linalg.det(np.column_stack([off, (off**2).sum(axis=1)])))
+
+
 def areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
