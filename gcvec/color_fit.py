@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.canonical import Canvas
-from gcvec.least_squares import NormalEquations, energies
+from gcvec.least_squares import NormalEquations, energies, from_pixels, misfit
 from gcvec.raster import Coverage
 
 Floats = NDArray[np.float64]
@@ -22,27 +22,25 @@ class ColorFit:
     """Equation (7) on one canvas: ŷ = B R x; R takes the unknowns to the mesh, B the mesh to pixels."""
 
     operator: sparse.csr_array
-    corner_color: Ints
-    to_pixels: sparse.csr_array
+    design: sparse.csr_array
     target: Floats
 
     @cached_property
     def energy(self) -> Floats:
         """Squared sum over the pixels of what each colour on the mesh gives to them."""
-        return energies(self.to_pixels)
+        return energies(self.design)
 
     def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
         """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""
-        return NormalEquations(self.operator, self.to_pixels, pull, self.target + pull[:, None] * prior)
+        return NormalEquations(self.operator, self.design, pull, self.target + pull[:, None] * prior)
 
-    def picture(self, colors: Floats) -> Floats:
-        """ŷ `(pixels, 3)`."""
-        result: Floats = self.to_pixels @ (self.operator @ colors)
-        return result
+    def residual(self, colors: Floats, truth: Floats) -> NDArray[np.float32]:
+        """What ŷ lacks to the pixels `truth` `(pixels, 3)`."""
+        return misfit(self.design, self.operator @ colors, truth)
 
 
 def color_fit(canvas: Canvas, coverage: Coverage, truth: Floats) -> ColorFit:
     """The fit of a canvas, whose drawing covers the pixels so, to the pixels `truth` `(pixels, 3)`."""
     _, operator, corner_color = canvas.unit
-    to_pixels = coverage.matrix(corner_color, operator.shape[0])
-    return ColorFit(operator, corner_color, to_pixels, operator.T @ (to_pixels.T @ truth))
+    design = coverage.matrix(corner_color, operator.shape[0], np.float32)
+    return ColorFit(operator, design, operator.T @ from_pixels(design, truth))

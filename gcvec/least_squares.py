@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gcvec.kernels import bare_kernel
 from gcvec.parallel import in_shares
 
 Floats = NDArray[np.float64]
@@ -49,9 +50,49 @@ class NormalEquations:
         return diagonal
 
 
+def misfit(design: sparse.csr_array, values: Floats, target: Floats) -> NDArray[np.float32]:
+    """y - B x for B `(p, k)`, x `(k, 3)` and y `(p, 3)`."""
+    rest = np.empty(target.shape, np.float32)
+    rows = (design.indptr, design.indices, design.data, np.ascontiguousarray(values), target)
+    in_shares(lambda first, last: _misfit(*rows, first, last, rest), len(rest))
+    return rest
+
+
+def from_pixels(design: sparse.csr_array, picture: Floats) -> Floats:
+    """Bᵀ y for B `(p, k)` and y `(p, 3)`."""
+    rows = (design.indptr, design.indices, design.data, picture)
+    shares = in_shares(
+        lambda first, last: _scatter(*rows, first, last, np.zeros((design.shape[1], 3))), len(picture)
+    )
+    return np.asarray(sum(shares))
+
+
+@bare_kernel
+def _misfit(indptr, indices, data, x, y, first, last, out):
+    for row in range(first, last):
+        red, green, blue = 0.0, 0.0, 0.0
+        for e in range(indptr[row], indptr[row + 1]):
+            weight, column = data[e], indices[e]
+            red += weight * x[column, 0]
+            green += weight * x[column, 1]
+            blue += weight * x[column, 2]
+        out[row, 0], out[row, 1], out[row, 2] = y[row, 0] - red, y[row, 1] - green, y[row, 2] - blue
+
+
+@bare_kernel
+def _scatter(indptr, indices, data, y, first, last, out):
+    for row in range(first, last):
+        for e in range(indptr[row], indptr[row + 1]):
+            weight, column = data[e], indices[e]
+            out[column, 0] += weight * y[row, 0]
+            out[column, 1] += weight * y[row, 1]
+            out[column, 2] += weight * y[row, 2]
+    return out
+
+
 def energies(design: sparse.csr_array) -> Floats:
     """Squared sum of every column: the diagonal of BᵀB."""
-    return np.asarray(np.bincount(design.indices, design.data**2, design.shape[1]), np.float64)
+    return np.asarray(np.bincount(design.indices, np.square(design.data), design.shape[1]), np.float64)
 
 
 @njit(cache=True, nogil=True)

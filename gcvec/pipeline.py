@@ -79,10 +79,11 @@ def vectorize(
 
     def refined(target_mse: float) -> tuple[bytes, VectorImage]:
         draft = Draft(regions.names, Quantization.for_error(target_mse))
-        job = (foundation, boundary_colors, pixels, draft, target_mse, options.max_points)
+        bounds = (draft, target_mse, options.max_points)
         if options.strategy == "paper":
-            return refine_paper(*job, tell.iteration, clock)
-        return refine_batch(*job, options.effort, tell.iteration, clock)
+            return refine_paper(foundation, boundary_colors, pixels, *bounds, tell.iteration, clock)
+        given = (foundation, boundary_colors, pixels, picture)
+        return refine_batch(*given, *bounds, options.effort, tell.iteration, clock)
 
     if options.target_bytes:
         data, image = refine_to_bytes(refined, options.target_bytes)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.kernels import bare_kernel
-from gcvec.parallel import in_shares
+from gcvec.parallel import in_shares, in_turn
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -130,30 +130,27 @@ def cells(corners, width, top, bottom):
     return int(max(nx, 0.0) * max(ny, 0.0))
 
 
-@njit(cache=True, nogil=True)
-def _coverage(vertices, triangles, width, height, first, last):
-    """Entries of the triangles `first` to `last`: where each one's begin, pixels, and corner weights."""
-    capacity = max(4 * (last - first), 1024)
-    pixel = np.empty(capacity, np.int32)
-    weights = np.empty((capacity, 3))
-    start = np.zeros(last - first + 1, np.int64)
-    scratch = np.empty((4, 12, 2))
-    corners = np.empty((3, 2))
-    count = 0
+@bare_kernel
+def _most_entries(vertices, triangles, width, height, first, last, corners):
+    """Upper bound of the entries of the triangles `first` to `last`."""
+    total = 0
     for t in range(first, last):
         for k in range(3):
-            corners[k] = vertices[triangles[t, k]]
-        need = count + cells(corners, width, 0, height)
-        if need > capacity:
-            capacity = max(2 * capacity, need)
-            more_pixel = np.empty(capacity, np.int32)
-            more_weights = np.empty((capacity, 3))
-            more_pixel[:count] = pixel[:count]
-            more_weights[:count] = weights[:count]
-            pixel, weights = more_pixel, more_weights
+            corners[k, 0], corners[k, 1] = vertices[triangles[t, k], 0], vertices[triangles[t, k], 1]
+        total += cells(corners, width, 0, height)
+    return total
+
+
+@bare_kernel
+def _coverage(vertices, triangles, width, height, first, last, count, start, end, pixel, weights, scratch):
+    """Write the entries of the triangles `first` to `last` from `count` on, and where each one's lie."""
+    corners = scratch[4]
+    for t in range(first, last):
+        for k in range(3):
+            corners[k, 0], corners[k, 1] = vertices[triangles[t, k], 0], vertices[triangles[t, k], 1]
+        start[t] = count
         count = cover_triangle(corners, width, 0, height, pixel, weights, count, scratch)
-        start[t - first + 1] = count
-    return start, pixel[:count].copy(), weights[:count].copy()
+        end[t] = count
 
 
 @njit(cache=True, nogil=True)
@@ -181,21 +178,22 @@ def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row
 
 
 @njit(cache=True, nogil=True)
-def _rows(start, pixel, weights, corner_color, first_pixel, last_pixel):
+def _rows(start, end, pixel, weights, corner_color, like, first_pixel, last_pixel):
     """Compressed rows, one for each pixel of a range, of the weights of colours, those of one colour added
     up."""
     n_pixels = last_pixel - first_pixel
     first = np.zeros(n_pixels + 1, np.int64)
-    for e in range(len(pixel)):
-        if first_pixel <= pixel[e] < last_pixel:
-            first[pixel[e] - first_pixel + 1] += 1
+    for t in range(len(start)):
+        for e in range(start[t], end[t]):
+            if first_pixel <= pixel[e] < last_pixel:
+                first[pixel[e] - first_pixel + 1] += 1
     for p in range(n_pixels):
         first[p + 1] += first[p]
-    by_pixel = np.empty(first[n_pixels], np.int64)
+    by_pixel = np.empty(first[n_pixels], np.int32)
     owner = np.empty(first[n_pixels], np.int32)
     at = first[:-1].copy()
-    for t in range(len(start) - 1):
-        for e in range(start[t], start[t + 1]):
+    for t in range(len(start)):
+        for e in range(start[t], end[t]):
             if first_pixel <= pixel[e] < last_pixel:
                 p = pixel[e] - first_pixel
                 by_pixel[at[p]] = e
@@ -203,7 +201,7 @@ def _rows(start, pixel, weights, corner_color, first_pixel, last_pixel):
                 at[p] += 1
     row_start = np.zeros(n_pixels + 1, np.int64)
     columns = np.empty(3 * len(by_pixel), np.int32)
-    values = np.empty(3 * len(by_pixel))
+    values = np.empty(3 * len(by_pixel), like.dtype)
     n = 0
     for p in range(n_pixels):
         for i in range(first[p], first[p + 1]):
@@ -218,34 +216,52 @@ def _rows(start, pixel, weights, corner_color, first_pixel, last_pixel):
                     n += 1
                 values[j] += weights[by_pixel[i], k]
         row_start[p + 1] = n
-    return row_start, columns[:n].copy(), values[:n].copy()
+    return row_start, columns[:n], values[:n]
 
 
 class Coverage:
     """Which triangles cover which pixels, and how: `(pixel, triangle, three corner weights)` entries.
 
-    start    (t + 1,) first entry of each triangle
-    pixel    (n,) int32, row-major pixel of an entry
-    weights  (n, 3), summing to the area of the triangle inside the pixel
+    start, end  (t,) first entry of each triangle, and the one after its last; there may be gaps between them
+    pixel       (n,) int32, row-major pixel of an entry
+    weights     (n, 3) summing to the area of the triangle inside the pixel
     """
 
     def __init__(self, vertices: Floats, triangles: Ints, width: int, height: int) -> None:
         self.width, self.height = width, height
-        shares = in_shares(
-            lambda first, last: _coverage(vertices, triangles, width, height, first, last), len(triangles)
-        )
-        before = np.cumsum([0] + [len(pixel) for _, pixel, _ in shares])
-        starts = [start[:-1] + n for (start, _, _), n in zip(shares, before[:-1], strict=True)]
-        self.start = np.append(np.concatenate(starts), before[-1])
-        self.pixel = np.concatenate([pixel for _, pixel, _ in shares])
-        self.weights = np.concatenate([weights for _, _, weights in shares])
+        n = len(triangles)
+        self.start, self.end = np.empty(n, np.int64), np.empty(n, np.int64)
 
-    def matrix(self, corner_color: Ints, n_colors: int) -> sparse.csr_array:
+        def need(first: int, last: int) -> tuple[int, int, int]:
+            corners = np.empty((3, 2))
+            return first, last, _most_entries(vertices, triangles, width, height, first, last, corners)
+
+        shares = in_shares(need, n)
+        begin = np.cumsum([0] + [most for _, _, most in shares])
+        # What is never written to takes no memory.
+        self.pixel, self.weights = np.empty(begin[-1], np.int32), np.empty((begin[-1], 3))
+
+        def fill(share: tuple[int, int, int], count: int) -> None:
+            out = (self.start, self.end, self.pixel, self.weights, np.empty((5, 12, 2)))
+            _coverage(vertices, triangles, width, height, share[0], share[1], count, *out)
+
+        in_turn(lambda pair: fill(*pair), list(zip(shares, begin.tolist(), strict=False)))
+
+    def entries(self) -> Ints:
+        """`(n,)` the entries in use."""
+        length = self.end - self.start
+        within = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+        return np.asarray(np.repeat(self.start, length) + within)
+
+    def matrix(self, corner_color: Ints, n_colors: int, precision: type = np.float64) -> sparse.csr_array:
         """B `(pixels, n_colors)`: from the colours that the triangles' corners `(t, 3)` refer to, to
         pixels."""
         n_pixels = self.width * self.height
+        like: NDArray[np.floating] = np.empty(0, precision)
         shares = in_shares(
-            lambda first, last: _rows(self.start, self.pixel, self.weights, corner_color, first, last),
+            lambda first, last: _rows(
+                self.start, self.end, self.pixel, self.weights, corner_color, like, first, last
+            ),
             n_pixels,
         )
         before = np.cumsum([0] + [len(columns) for _, columns, _ in shares])

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation, lay_unfolded_canvas
 from gcvec.clearance import room
-from gcvec.color_fit import ColorFit, color_fit
+from gcvec.color_fit import color_fit
 from gcvec.draft import Draft, by_rows, measured_mse
 from gcvec.greedy import begin_placement
 from gcvec.greedy.seats import Seats, seats
 from gcvec.least_squares import solve, solve_bounded
 from gcvec.quantization import Quantization
-from gcvec.raster import Coverage
 from gcvec.seeding import seeds
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -94,6 +93,7 @@ def refine_batch(
     foundation: Foundation,
     boundary_colors: Floats,
     pixels: NDArray[np.uint8],
+    picture: Floats,
     draft: Draft,
     target_mse: float,
     max_points: int,
@@ -103,11 +103,12 @@ def refine_batch(
 ) -> tuple[bytes, VectorImage]:
     """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
 
-    `pixels` is the photo `(h, w, 3)`. `max_points` bounds the points of one region, 0 lifts the bound.
+    `pixels` is the photo `(h, w, 3)`, and `picture` the same in [0, 1]. `max_points` bounds the points of one
+    region, 0 lifts the bound.
     `effort`, 1 to 9, trades time for fewer points.
     """
     state = Refinement(
-        foundation, boundary_colors, pixels / 255.0, target_mse, draft.steps, max_points, on_step, clock
+        foundation, boundary_colors, picture, target_mse, draft.steps, max_points, on_step, clock
     )
     state.seed()
     more = state.grow()
@@ -243,8 +244,10 @@ class Refinement:
             more = placement.grow(goal, int(GROWTH * n + FIRST_POINTS * len(self._truth)) + 4)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
+        expected = placement.error
+        del placement, self._fit  # large, and no longer needed
         self._update(new)
-        self._bias = placement.error / max(self._to_square(self.mse), 1e-12)
+        self._bias = expected / max(self._to_square(self.mse), 1e-12)
         return more
 
     def _seats(self) -> Seats:
@@ -329,9 +332,10 @@ class Refinement:
             fresh = slice(0) if new is None else new[kept]
             grown = frozenset(self.canvas.patch_of_points()[fresh].tolist())
         with self._clock.stage("evaluation"):
-            self._coverage: Coverage = self.canvas.coverage(self.canvas.unit[0])
+            coverage = self.canvas.coverage(self.canvas.unit[0])
         with self._clock.stage("optimization"):
-            self._fit: ColorFit = color_fit(self.canvas, self._coverage, self._truth)
+            self._fit = color_fit(self.canvas, coverage, self._truth)
+            del coverage
         self.converge(ROUND_ITERATIONS)
         self._iteration += 1
         square = (self._residual**2).sum(axis=1)
@@ -349,5 +353,5 @@ class Refinement:
         return prior, pull
 
     def _measure(self) -> None:
-        self._residual: Floats = self._truth - self._fit.picture(self.colors)
-        self.mse = float((self._residual**2).mean() * 65025)
+        self._residual = self._fit.residual(self.colors, self._truth)
+        self.mse = float(np.mean(self._residual**2, dtype=np.float64) * 65025)

@@ -28,7 +28,11 @@ MOST_POINTS = 0.2
 
 
 def seeds(
-    residual: Floats, target_mse: float, blocked: NDArray[np.bool_], patch_at: Ints, max_points: int
+    residual: NDArray[np.floating],
+    target_mse: float,
+    blocked: NDArray[np.bool_],
+    patch_at: Ints,
+    max_points: int,
 ) -> Ints:
     """First control points `(n, 2)`, by rows, for what the patches without any miss, `(h, w, 3)` in [0, 1].
 
@@ -55,7 +59,7 @@ def _rank_in_group(group: Ints) -> Ints:
     return rank
 
 
-def _second_derivatives(channel: Floats) -> Floats:
+def _second_derivatives(channel: NDArray[np.floating]) -> Floats:
     """Squared Frobenius norm of the Hessian of a slightly smoothed picture `(h, w)`."""
     xx, xy, yy = (ndimage.gaussian_filter(channel, 1.0, order=order) for order in ((0, 2), (1, 1), (2, 0)))
     return np.asarray(xx**2 + 2 * xy**2 + yy**2)

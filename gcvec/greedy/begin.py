@@ -22,7 +22,7 @@ def begin_placement(
     canvas: Canvas,
     points: Ints,
     colors: Floats,
-    residual: Floats,
+    residual: NDArray[np.float32],
     photo: Floats,
     seats: Seats,
     room: Ints | None,
@@ -64,7 +64,7 @@ def begin_placement(
         )
 
     plots = in_turn(share, range(int(strip.max(initial=0)) + 1))
-    return Placement(plots, seats, float((residual**2).sum()), room, pull)
+    return Placement(plots, seats, float(np.sum(residual**2, dtype=np.float64)), room, pull)
 
 
 def _strips(height: Floats, shift: float) -> Ints:

@@ -120,7 +120,7 @@ def plot(
     seat: Ints,
     triangles: Ints,
     patch: Ints,
-    residual: Floats,
+    residual: NDArray[np.float32],
     photo: Floats,
     width: int,
 ) -> Plot:
@@ -166,7 +166,7 @@ def plot(
         mark=np.zeros(t, np.int64),
         pixel=np.empty(e, np.int32),
         weights=np.empty((e, 3), np.float32),
-        residual=residual[own].astype(np.float32),
+        residual=residual[own].copy(),
         pixel_mark=np.zeros(n_pixels, np.int32),
         phi=np.empty(n_pixels, np.float32),
         touched=np.empty(n_pixels, np.int32),

@@ -64,7 +64,8 @@ def junction(image: VectorImage) -> tuple[int, int]:
 def coverage(image: VectorImage) -> np.ndarray:
     """How much of each pixel the patches cover."""
     found = image.canvas.coverage(image.canvas.drawing())
-    return np.bincount(found.pixel, found.weights.sum(axis=1), image.width * image.height)
+    own = found.entries()
+    return np.bincount(found.pixel[own], found.weights[own].sum(axis=1), image.width * image.height)
 
 
 def patches_touched(image: VectorImage, curve: int) -> set[int]:
@@ -75,7 +76,8 @@ def area_of(image: VectorImage, patches: set[int]) -> np.ndarray:
     """Pixels `(h, w) bool` that the patches touch."""
     drawing = image.canvas.drawing()
     found = image.canvas.coverage(drawing)
-    own = np.isin(np.repeat(drawing.patch, np.diff(found.start)), list(patches))
+    patch_of_entry = np.repeat(drawing.patch, found.end - found.start)
+    own = found.entries()[np.isin(patch_of_entry, list(patches))]
     touched = np.zeros(image.width * image.height, bool)
     touched[found.pixel[own]] = True
     return touched.reshape(image.height, image.width)

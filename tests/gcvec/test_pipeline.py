@@ -194,8 +194,8 @@ def border_pixels(image: VectorImage) -> np.ndarray:
     """Pixels `(h, w) bool` that more than one patch touches."""
     drawing = image.canvas.drawing()
     coverage = image.canvas.coverage(drawing)
-    patch = np.repeat(drawing.patch, np.diff(coverage.start))
-    touched = np.unique(np.stack([coverage.pixel, patch], axis=1), axis=0)[:, 0]
+    patch = np.repeat(drawing.patch, coverage.end - coverage.start)
+    touched = np.unique(np.stack([coverage.pixel[coverage.entries()], patch], axis=1), axis=0)[:, 0]
     return np.bincount(touched, minlength=image.width * image.height).reshape(image.height, -1) > 1
 
 

@@ -48,7 +48,7 @@ def garden(scene: str, n_points: int, left: int | None = None) -> Garden:
         canvas,
         points,
         fit.operator @ colors,
-        photo - fit.picture(colors),
+        fit.residual(colors, photo),
         photo,
         seats(foundation, taken),
         limit,

@@ -33,7 +33,7 @@ def test_reach_is_that_of_all_triangles_about_a_vertex() -> None:
 def test_reach_is_a_column_of_the_exact_fit_where_every_vertex_is_a_control_point() -> None:
     start = garden("voronoi", 400)
     (plot,) = start.placement.plots
-    exact = start.fit.to_pixels.tocsc()
+    exact = start.fit.design.tocsc()
     for vertex in whole_vertices(plot)[::37]:
         at = int(
             np.flatnonzero((start.points[:, 1] * plot.width + start.points[:, 0]) == plot.seat[vertex])[0]
