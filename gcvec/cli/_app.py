@@ -91,6 +91,8 @@ def run(arguments: Sequence[str]) -> int:
     except OSError as error:
         return _complain(": ".join(filter(None, (_filename(error), error.strerror or str(error)))), FAILURE)
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C that came while a compiled kernel ran
+            return INTERRUPTED
         if type(error) is RuntimeError:  # how a command says that it failed, and why
             return _complain(str(error), FAILURE)
         if os.environ.get("GCVEC_TRACEBACK"):

@@ -16,6 +16,7 @@ import pytest
 from PIL import Image
 
 from gcvec import VectorImage
+from gcvec.cli._app import run
 from gcvec.edit import mean_color
 
 WIDTH, HEIGHT = 64, 48
@@ -309,6 +310,17 @@ def test_interrupt_is_quiet(tmp_path: Path) -> None:
     _, errors = process.communicate(timeout=60)
     assert (process.returncode, errors) == (130, "")
     assert [p.name for p in tmp_path.iterdir()] == ["noise.png"]
+
+
+def test_an_interrupt_inside_a_kernel_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiled kernel returns first; then the interpreter wraps the interrupt."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr("gcvec.vectorize", interrupted)
+    Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(tmp_path / "a.png")
+    assert run(["vectorize", str(tmp_path / "a.png"), "-o", str(tmp_path / "a.gcv")]) == 130
 
 
 def _pixels(path: Path) -> np.ndarray:
