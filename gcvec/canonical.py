@@ -92,9 +92,9 @@ class Canvas:
         corner[boundary] = len(mesh.vertices) - mesh.n_samples + np.unique(keys, return_inverse=True)[1]
         return corner
 
-    def coverage(self, drawing: Drawing) -> Coverage:
+    def coverage(self, drawing: Drawing, precision: type = np.float64) -> Coverage:
         network = self.foundation.network
-        return Coverage(drawing.image, drawing.triangles, network.width, network.height)
+        return Coverage(drawing.image, drawing.triangles, network.width, network.height, precision)
 
     def patch_of_points(self) -> Ints:
         """`(n,)` patch of every interior control point."""

@@ -34,13 +34,13 @@ class ColorFit:
         """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""
         return NormalEquations(self.operator, self.design, pull, self.target + pull[:, None] * prior)
 
-    def residual(self, colors: Floats, truth: Floats) -> NDArray[np.float32]:
+    def residual(self, colors: Floats, truth: NDArray[np.float32]) -> NDArray[np.float32]:
         """What ŷ lacks to the pixels `truth` `(pixels, 3)`."""
         return misfit(self.design, self.operator @ colors, truth)
 
 
-def color_fit(canvas: Canvas, coverage: Coverage, truth: Floats) -> ColorFit:
+def color_fit(canvas: Canvas, coverage: Coverage, truth: NDArray[np.float32]) -> ColorFit:
     """The fit of a canvas, whose drawing covers the pixels so, to the pixels `truth` `(pixels, 3)`."""
     _, operator, corner_color = canvas.unit
-    design = coverage.matrix(corner_color, operator.shape[0], np.float32)
+    design = coverage.matrix(corner_color, operator.shape[0])
     return ColorFit(operator, design, operator.T @ from_pixels(design, truth))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import Canvas
 from gcvec.codec import encode_rounded
+from gcvec.metrics import squared_error
 from gcvec.quantization import Quantization
 from gcvec.vector_image import VectorImage
 
@@ -49,4 +50,4 @@ def by_rows(points: Ints) -> Ints:
 
 def measured_mse(image: VectorImage, pixels: NDArray[np.uint8]) -> float:
     """Mean squared error of the rendered picture against the photo `(h, w, 3) uint8`."""
-    return float(((image.render().astype(np.float64) - pixels) ** 2).mean())
+    return float(squared_error(image.render(), pixels).mean())

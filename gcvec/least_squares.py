@@ -50,7 +50,7 @@ class NormalEquations:
         return diagonal
 
 
-def misfit(design: sparse.csr_array, values: Floats, target: Floats) -> NDArray[np.float32]:
+def misfit(design: sparse.csr_array, values: Floats, target: NDArray[np.float32]) -> NDArray[np.float32]:
     """y - B x for B `(p, k)`, x `(k, 3)` and y `(p, 3)`."""
     rest = np.empty(target.shape, np.float32)
     rows = (design.indptr, design.indices, design.data, np.ascontiguousarray(values), target)
@@ -58,7 +58,7 @@ def misfit(design: sparse.csr_array, values: Floats, target: Floats) -> NDArray[
     return rest
 
 
-def from_pixels(design: sparse.csr_array, picture: Floats) -> Floats:
+def from_pixels(design: sparse.csr_array, picture: NDArray[np.float32]) -> Floats:
     """Bᵀ y for B `(p, k)` and y `(p, 3)`."""
     rows = (design.indptr, design.indices, design.data, picture)
     shares = in_shares(
@@ -92,7 +92,15 @@ def _scatter(indptr, indices, data, y, first, last, out):
 
 def energies(design: sparse.csr_array) -> Floats:
     """Squared sum of every column: the diagonal of BᵀB."""
-    return np.asarray(np.bincount(design.indices, np.square(design.data), design.shape[1]), np.float64)
+    total = np.zeros(design.shape[1])
+    _add_squares(design.indices, design.data, total)
+    return total
+
+
+@bare_kernel
+def _add_squares(indices, data, total):
+    for e in range(len(indices)):
+        total[indices[e]] += data[e] * data[e]
 
 
 @njit(cache=True, nogil=True)

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.errors import InputError
+from gcvec.ssim import ssim
 
 if TYPE_CHECKING:
-    from gcvec.vector_image import VectorImage
+    from gcvec.ssim import ssim
+from gcvec.vector_image import VectorImage
 
 STAGES = ("total", "regions", "boundary", "mesh_harmonic", "evaluation", "optimization", "encode")
 
@@ -64,23 +66,27 @@ def compare(pixels: NDArray[np.uint8], image: VectorImage, n_bytes: int) -> Repo
             code="size-mismatch",
         )
     rendered = image.render()
-    error = rendered.astype(np.float64) - pixels
-    mse = float((error**2).mean())
-    raw = image.render(raw=True).astype(np.float64) - pixels
+    square = squared_error(rendered, pixels)
+    mse = float(square.mean())
     return Report(
         width=width,
         height=height,
         patches=len(image.labels),
         points=len(image.points),
         mse=mse,
-        mse_raw=float((raw**2).mean()),
-        mae=float(np.abs(error).mean()),
+        mse_raw=float(squared_error(image.render(raw=True), pixels).mean()),
+        mae=float(np.sqrt(square).mean()),
         psnr=psnr(mse),
         ssim=ssim(pixels, rendered),
         bytes=n_bytes,
         foldovers=image.foldovers,
-        regions=_regions(image, (error**2).mean(axis=2)),
+        regions=_regions(image, square.mean(axis=2)),
     )
+
+
+def squared_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Of two pictures, on the 0-255 scale."""
+    return np.asarray(np.square(np.subtract(a, b, dtype=np.int16), dtype=np.int32))
 
 
 def _regions(image: VectorImage, square: NDArray[np.float64]) -> tuple[RegionReport, ...]:
@@ -95,14 +101,3 @@ def _regions(image: VectorImage, square: NDArray[np.float64]) -> tuple[RegionRep
 def psnr(mse: float) -> float:
     """Peak signal-to-noise ratio in dB; 100 for equal pictures, so that it stays a number in JSON."""
     return float(min(10 * np.log10(255**2 / mse), 100.0)) if mse > 0 else 100.0
-
-
-def ssim(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
-    """Structural similarity (Wang et al. 2004) with a 7 x 7 window, smaller for smaller pictures."""
-    from skimage.metrics import structural_similarity
-
-    window = min(7, *a.shape[:2])
-    window -= 1 - window % 2
-    if window < 3:
-        return 1.0 if np.array_equal(a, b) else 0.0
-    return float(structural_similarity(a, b, win_size=window, channel_axis=2, data_range=255))

@@ -77,12 +77,16 @@ def vectorize(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
 
+    # From here on it is only compared with, and large.
+    photo = picture.astype(np.float32)
+    del picture
+
     def refined(target_mse: float) -> tuple[bytes, VectorImage]:
         draft = Draft(regions.names, Quantization.for_error(target_mse))
         bounds = (draft, target_mse, options.max_points)
         if options.strategy == "paper":
             return refine_paper(foundation, boundary_colors, pixels, *bounds, tell.iteration, clock)
-        given = (foundation, boundary_colors, pixels, picture)
+        given = (foundation, boundary_colors, pixels, photo)
         return refine_batch(*given, *bounds, options.effort, tell.iteration, clock)
 
     if options.target_bytes:

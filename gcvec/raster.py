@@ -178,7 +178,7 @@ def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row
 
 
 @njit(cache=True, nogil=True)
-def _rows(start, end, pixel, weights, corner_color, like, first_pixel, last_pixel):
+def _rows(start, end, pixel, weights, corner_color, first_pixel, last_pixel):
     """Compressed rows, one for each pixel of a range, of the weights of colours, those of one colour added
     up."""
     n_pixels = last_pixel - first_pixel
@@ -201,7 +201,7 @@ def _rows(start, end, pixel, weights, corner_color, like, first_pixel, last_pixe
                 at[p] += 1
     row_start = np.zeros(n_pixels + 1, np.int64)
     columns = np.empty(3 * len(by_pixel), np.int32)
-    values = np.empty(3 * len(by_pixel), like.dtype)
+    values = np.empty(3 * len(by_pixel), weights.dtype)
     n = 0
     for p in range(n_pixels):
         for i in range(first[p], first[p + 1]):
@@ -227,7 +227,9 @@ class Coverage:
     weights     (n, 3) summing to the area of the triangle inside the pixel
     """
 
-    def __init__(self, vertices: Floats, triangles: Ints, width: int, height: int) -> None:
+    def __init__(
+        self, vertices: Floats, triangles: Ints, width: int, height: int, precision: type = np.float64
+    ) -> None:
         self.width, self.height = width, height
         n = len(triangles)
         self.start, self.end = np.empty(n, np.int64), np.empty(n, np.int64)
@@ -239,7 +241,7 @@ class Coverage:
         shares = in_shares(need, n)
         begin = np.cumsum([0] + [most for _, _, most in shares])
         # What is never written to takes no memory.
-        self.pixel, self.weights = np.empty(begin[-1], np.int32), np.empty((begin[-1], 3))
+        self.pixel, self.weights = np.empty(begin[-1], np.int32), np.empty((begin[-1], 3), precision)
 
         def fill(share: tuple[int, int, int], count: int) -> None:
             out = (self.start, self.end, self.pixel, self.weights, np.empty((5, 12, 2)))
@@ -253,14 +255,13 @@ class Coverage:
         within = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
         return np.asarray(np.repeat(self.start, length) + within)
 
-    def matrix(self, corner_color: Ints, n_colors: int, precision: type = np.float64) -> sparse.csr_array:
+    def matrix(self, corner_color: Ints, n_colors: int) -> sparse.csr_array:
         """B `(pixels, n_colors)`: from the colours that the triangles' corners `(t, 3)` refer to, to
         pixels."""
         n_pixels = self.width * self.height
-        like: NDArray[np.floating] = np.empty(0, precision)
         shares = in_shares(
             lambda first, last: _rows(
-                self.start, self.end, self.pixel, self.weights, corner_color, like, first, last
+                self.start, self.end, self.pixel, self.weights, corner_color, first, last
             ),
             n_pixels,
         )

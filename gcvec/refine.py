@@ -93,7 +93,7 @@ def refine_batch(
     foundation: Foundation,
     boundary_colors: Floats,
     pixels: NDArray[np.uint8],
-    picture: Floats,
+    photo: NDArray[np.float32],
     draft: Draft,
     target_mse: float,
     max_points: int,
@@ -103,12 +103,12 @@ def refine_batch(
 ) -> tuple[bytes, VectorImage]:
     """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
 
-    `pixels` is the photo `(h, w, 3)`, and `picture` the same in [0, 1]. `max_points` bounds the points of one
+    `pixels` is the photo `(h, w, 3)`, and `photo` the same in [0, 1]. `max_points` bounds the points of one
     region, 0 lifts the bound.
     `effort`, 1 to 9, trades time for fewer points.
     """
     state = Refinement(
-        foundation, boundary_colors, picture, target_mse, draft.steps, max_points, on_step, clock
+        foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock
     )
     state.seed()
     more = state.grow()
@@ -160,7 +160,7 @@ class Refinement:
         self,
         foundation: Foundation,
         boundary_colors: Floats,
-        picture: Floats,
+        picture: NDArray[np.float32],
         target_mse: float,
         steps: Quantization,
         max_points: int,
@@ -228,10 +228,12 @@ class Refinement:
         n = len(self.points)
         with self._clock.stage("evaluation"):
             finished = self._finished()
+            goal, on_canvas = self._bias * self._to_square(self.aim), self._fit.operator @ self.colors
+            del self._fit  # large, and no longer needed
             placement = begin_placement(
                 self.canvas,
                 self.points,
-                self._fit.operator @ self.colors,
+                on_canvas,
                 self._residual,
                 self._truth,
                 self._seats(),
@@ -240,12 +242,11 @@ class Refinement:
                 SHIFTS[self._iteration % 2],
             )
             placement.thin_out(int(share * n), finished)
-            goal = self._bias * self._to_square(self.aim)
             more = placement.grow(goal, int(GROWTH * n + FIRST_POINTS * len(self._truth)) + 4)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
         expected = placement.error
-        del placement, self._fit  # large, and no longer needed
+        del placement
         self._update(new)
         self._bias = expected / max(self._to_square(self.mse), 1e-12)
         return more
@@ -304,6 +305,7 @@ class Refinement:
                 self._max_points,
             )
         if len(new):
+            del self._fit
             self._insert(new)
 
     def _insert(self, new: Ints) -> None:
@@ -332,7 +334,7 @@ class Refinement:
             fresh = slice(0) if new is None else new[kept]
             grown = frozenset(self.canvas.patch_of_points()[fresh].tolist())
         with self._clock.stage("evaluation"):
-            coverage = self.canvas.coverage(self.canvas.unit[0])
+            coverage = self.canvas.coverage(self.canvas.unit[0], np.float32)
         with self._clock.stage("optimization"):
             self._fit = color_fit(self.canvas, coverage, self._truth)
             del coverage

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+BAND = 256
+"""Rows that are rounded at once: what that takes does not grow with the picture."""
+
 
 @dataclass(frozen=True, eq=False)
 class VectorImage:
@@ -157,4 +160,8 @@ class VectorImage:
 
 def to_8_bit(picture: Floats) -> NDArray[np.uint8]:
     """Colours in [0, 1] as bytes, rounded to nearest."""
-    return np.asarray(np.clip(picture, 0, 1) * 255 + 0.5).astype(np.uint8)
+    result = np.empty(picture.shape, np.uint8)
+    for first in range(0, len(picture), BAND):
+        own = slice(first, first + BAND)
+        result[own] = np.clip(picture[own], 0, 1) * 255 + 0.5
+    return result

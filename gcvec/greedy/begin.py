@@ -23,7 +23,7 @@ def begin_placement(
     points: Ints,
     colors: Floats,
     residual: NDArray[np.float32],
-    photo: Floats,
+    photo: NDArray[np.float32],
     seats: Seats,
     room: Ints | None,
     pull: float,

@@ -107,7 +107,7 @@ class Plot(NamedTuple):
     candidate: Ints
     places: Floats
     clipping: Floats
-    photo: Floats
+    photo: NDArray[np.float32]
     first_row: int
     rows: int
     width: int
@@ -121,7 +121,7 @@ def plot(
     triangles: Ints,
     patch: Ints,
     residual: NDArray[np.float32],
-    photo: Floats,
+    photo: NDArray[np.float32],
     width: int,
 ) -> Plot:
     """A strip of a mesh, with room for twice as many points again.
