@@ -13,8 +13,7 @@ from gcvec.errors import InputError
 from gcvec.ssim import ssim
 
 if TYPE_CHECKING:
-    from gcvec.ssim import ssim
-from gcvec.vector_image import VectorImage
+    from gcvec.vector_image import VectorImage
 
 STAGES = ("total", "regions", "boundary", "mesh_harmonic", "evaluation", "optimization", "encode")
 
