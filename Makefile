@@ -38,5 +38,6 @@ $(STAMP): requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@find gcvec worker -name '*.nb[ic]' -delete  # kernels of another version
 	@$(BIN)/python -m worker.warmup  # compiles the kernels, so that the first picture need not wait for it
 	@touch $(STAMP)

@@ -51,13 +51,13 @@ def coons(
     order = np.argsort(ends[:, 0], kind="stable")
     edges, ends = edges[order], ends[order]
     start, controls, weights = _coons(
-        coordinates.indptr,
-        coordinates.indices,
+        coordinates.indptr.astype(np.int64),
+        coordinates.indices.astype(np.int64),
         coordinates.data,
         corner_control,
         corner_weight,
         np.searchsorted(ends[:, 0], np.arange(n_columns + 1)),
-        ends[:, 1],
+        np.ascontiguousarray(ends[:, 1]),
         samples.edge_curve[edges],
         samples.edge_u[edges],
         samples.edge_control[edges],

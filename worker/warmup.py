@@ -6,25 +6,45 @@ import logging
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 logger = logging.getLogger(__name__)
 
-_SIDE = 24
+_SIDE = 256
 
 
 def warm_up() -> None:
-    """Vectorize a small picture of two colours."""
-    from gcvec import Options, vectorize
+    """Vectorize a small picture that has a bit of everything, with drawn regions and without."""
+    from gcvec import Annotations, Options, Shape, VectorImage, vectorize
     from gcvec.export import error_map, patch_overlay
 
     started = time.perf_counter()
-    pixels = np.full((_SIDE, _SIDE, 3), 40, np.uint8)
-    pixels[:, _SIDE // 2 :] = np.linspace(90, 250, _SIDE, dtype=np.uint8)[:, None, None]
-    result = vectorize(pixels, None, Options(max_points=10, workers=1))
-    result.render()
+    pixels = _picture()
+    # They leave gaps, thin ones and wide ones, one lies on another, and one is too small to stay.
+    left = np.array([[0.0, 0.0], [191.0, 0.0], [190.0, 256.0], [0.0, 256.0]])
+    right = np.array([[193.0, 0.0], [256.0, 0.0], [256.0, 200.0], [192.0, 200.0]])
+    speck = np.array([[120.0, 120.0], [123.0, 120.0], [123.0, 123.0]])
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    disc = np.stack([30 + 17 * np.cos(turn), 40 + 17 * np.sin(turn)], axis=1)
+    drawn = Annotations(
+        tuple(Shape(str(i), rings=(ring,)) for i, ring in enumerate((left, right, disc, speck)))
+    )
+    for regions, workers in ((drawn, 1), (None, 0)):
+        made = vectorize(pixels, regions, Options(max_points=0, target_mse=20, workers=workers))
+    result = VectorImage.from_bytes(made.to_bytes())
+    result.render(scale=2)
     error_map(pixels, result)
     patch_overlay(result)
     logger.info("engine ready after %.1f s", time.perf_counter() - started)
+
+
+def _picture() -> NDArray[np.uint8]:
+    """A shaded disc before a gradient, beside noise."""
+    y, x = np.mgrid[:_SIDE, :_SIDE].astype(float)
+    gray = np.where(np.hypot(x - 30, y - 40) < 16, 200 - 0.1 * (x - 30) ** 2, 60 + x / 2)
+    noise = np.random.default_rng(0).normal(0, 12, gray.shape)
+    pixels = np.stack([gray, gray + 0.2 * y, 120 - gray / 4], axis=-1)
+    return np.asarray(pixels + np.where(x > 192, noise, 0)[..., None]).clip(0, 255).astype(np.uint8)
 
 
 if __name__ == "__main__":
