@@ -1,7 +1,8 @@
-"""Error-driven interior control points (paper, section 4.4), in batches.
+"""Error-driven interior control points (paper, section 4.4), in rounds.
 
-Each round fits all colours by least squares, equation (7), measures the picture, and puts new control points
-where they save most. One falling threshold serves all regions, so points go where they buy most.
+Each round fits all colours by least squares, equation (7), and measures the picture on its canonical mesh;
+from there points are taken out and put in greedily (`gcvec.greedy`), on a mesh that changes with each of
+them. One falling threshold serves all regions, so points go where they buy most.
 """
 
 from __future__ import annotations
