@@ -50,7 +50,7 @@ CAREFUL = 0.97
 LEAST_AIM = 0.5
 """The aim is at least this share of the target."""
 
-GROWTH = 3.0
+GROWTH = 6.0
 FIRST_POINTS = 1 / 1500
 """A round multiplies the number of points by this at most, and adds this many a pixel on top."""
 
@@ -144,7 +144,7 @@ EXCHANGES = {
 """What an effort means: shares of the control points that rounds take out, and place anew as far as the
 target asks for it."""
 
-FEW = 3000
+FEW = 10_000
 MORE_EXCHANGES = (0.15, 0.1)
 """With so few points exchanges take next to no time, and there are more of them."""
 

@@ -91,7 +91,7 @@ def run(arguments: Sequence[str]) -> int:
     except OSError as error:
         return _complain(": ".join(filter(None, (_filename(error), error.strerror or str(error)))), FAILURE)
     except Exception as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C that came while a compiled kernel ran
+        if _is_interrupt(error):
             return INTERRUPTED
         if type(error) is RuntimeError:  # how a command says that it failed, and why
             return _complain(str(error), FAILURE)
@@ -100,6 +100,13 @@ def run(arguments: Sequence[str]) -> int:
         cause = " ".join(str(error).split()) or "no message"
         hint = "GCVEC_TRACEBACK=1 shows where"
         return _complain(f"failed: {type(error).__name__}: {cause} ({hint})", FAILURE)
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: while a compiled kernel runs it comes out as another one."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _filename(error: OSError) -> str:

@@ -316,7 +316,10 @@ def test_an_interrupt_inside_a_kernel_is_one(tmp_path: Path, monkeypatch: pytest
     """A compiled kernel returns first; then the interpreter wraps the interrupt."""
 
     def interrupted(*_: object, **__: object) -> None:
-        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+        try:
+            raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+        except SystemError as error:
+            raise SystemError("and so did its caller") from error
 
     monkeypatch.setattr("gcvec.vectorize", interrupted)
     Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(tmp_path / "a.png")
