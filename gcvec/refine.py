@@ -44,6 +44,9 @@ LANDING = 0.15
 LEAST_SPARE = 0.03
 """At the end no more than this share of the points is taken out to land on the target, and no fewer."""
 
+SHORT = 1.02
+"""A picture that misses the aim by more than this factor is given more points before its file is made."""
+
 CAREFUL = 0.97
 """The first aim is lower than it need be by this factor: missing the target costs another round."""
 
@@ -116,6 +119,8 @@ def refine_batch(
     shares = EXCHANGES[effort] + (MORE_EXCHANGES if len(state.points) < FEW else ())
     for share in shares:
         more = state.turn_over(share)
+    if state.mse > SHORT * state.aim:
+        more = state.turn_over(0.0)
     if state.spare > LEAST_SPARE:
         more = state.turn_over(min(state.spare, LANDING))
     for retries in reversed(range(RETRIES)):
@@ -243,7 +248,8 @@ class Refinement:
                 SHIFTS[self._iteration % 2],
             )
             placement.thin_out(int(share * n), finished)
-            more = placement.grow(goal, int(GROWTH * n + FIRST_POINTS * len(self._truth)) + 4)
+            growth = share if share else GROWTH  # an exchange gives back no more than it takes
+            more = placement.grow(goal, int(growth * n + FIRST_POINTS * len(self._truth)) + 4)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
         expected = placement.error
