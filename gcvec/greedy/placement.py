@@ -201,6 +201,7 @@ class Placement:
         self._seats = seats
         self._elsewhere = 0.0
         self._room = room
+        self._none_full = room is not None and bool(room.all())
         self._pull = pull
         self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
         # Where strips overlap each sees its own changes only.
@@ -235,8 +236,8 @@ class Placement:
         self.error = self._elsewhere + sum(squares)
 
     def grow(self, goal: float, most: int) -> bool:
-        """Place points until the error is `goal` or less, or about `most` are placed. False: no more points
-        help."""
+        """Place points until the error is `goal` or less, about `most` are placed, or a first patch has all
+        that it may have. False: no more points help."""
         placed = 0
         for _ in range(MOST_LEVELS):
             missing = self.error - goal
@@ -252,6 +253,9 @@ class Placement:
                 return False
             placed += new
             self.settle()
+            if self._none_full and self._room is not None and not self._room.all():
+                self._none_full = False
+                return True  # whether others should go on is not for this to say
         return True
 
     def result(self) -> tuple[Ints, Floats, NDArray[np.bool_]]:

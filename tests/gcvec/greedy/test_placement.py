@@ -79,6 +79,7 @@ def test_the_least_useful_go_and_their_places_stay_empty() -> None:
 
 def test_patches_keep_to_their_bound() -> None:
     start = garden("quadrants", 40, left=3)
+    assert start.placement.grow(0.0, 1000)  # until a first one is full
     assert not start.placement.grow(0.0, 1000)
     points, _, new = start.placement.result()
     patch = start.foundation.geometry.patch_at()[points[:, 1], points[:, 0]]
