@@ -182,7 +182,7 @@ def _rate(plot, use):
 def _thin(plot, use, limit):
     """Take out the vertices whose usefulness is `limit` or less."""
     for v in range(len(use)):
-        if use[v] <= limit and remove(plot, v, plot.holes) > 0:
+        if plot.whole[v] and use[v] <= limit and remove(plot, v, plot.holes) > 0:
             plot.whole[v] = False
             plot.seat[v] = NOBODY
 
@@ -222,7 +222,11 @@ class Placement:
         for use, patch in zip(rated, patches, strict=True):
             use[finished[patch]] = np.inf
         every = np.concatenate(rated)
-        limit = np.partition(every, min(fewer, len(every)) - 1)[min(fewer, len(every)) - 1]
+        every = every[np.isfinite(every)]
+        fewer = min(fewer, len(every))
+        if not fewer:
+            return
+        limit = np.partition(every, fewer - 1)[fewer - 1]
         in_turn(lambda pair: _thin(*pair, limit), pairs)
         if self._room is not None:
             for (plot, use), patch in zip(pairs, patches, strict=True):

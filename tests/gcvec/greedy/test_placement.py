@@ -102,3 +102,19 @@ def test_strips_and_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     alone = garden("ring", 300)
     alone.placement.grow(0.5 * alone.placement.error, 2000)
     assert len(results[0][0]) == pytest.approx(len(alone.placement.result()[0]), rel=0.1)
+
+
+def test_no_more_go_than_can() -> None:
+    """Not those of finished patches, and no vertex that is none of them."""
+    start = garden("quadrants", 200)
+    finished = unfinished(start)
+    finished[1:] = True
+    start.placement.thin_out(180, finished)
+    points = start.placement.result()[0]
+    patch_at = start.foundation.geometry.patch_at()
+    before = np.bincount(patch_at[start.points[:, 1], start.points[:, 0]], minlength=len(finished))
+    after = np.bincount(patch_at[points[:, 1], points[:, 0]], minlength=len(finished))
+    assert after[0] < 0.2 * before[0]
+    assert (after[1:] == before[1:]).all()
+    start.placement.thin_out(50, np.ones_like(finished))
+    assert len(start.placement.result()[0]) == len(points)
