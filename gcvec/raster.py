@@ -130,6 +130,12 @@ def cells(corners, width, top, bottom):
     return int(max(nx, 0.0) * max(ny, 0.0))
 
 
+def most_entries_of(vertices: Floats, triangles: Ints, width: int, height: int) -> int:
+    """Upper bound of the entries of all triangles: what is reserved for them and not written to takes no
+    memory."""
+    return int(_most_entries(vertices, triangles, width, height, 0, len(triangles), np.empty((3, 2))))
+
+
 @bare_kernel
 def _most_entries(vertices, triangles, width, height, first, last, corners):
     """Upper bound of the entries of the triangles `first` to `last`."""

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcvec.greedy.plot import (
-    STAMP,
-    corner_of,
-    next_around,
-)
+from gcvec.greedy.plot import STAMP, corner_of, next_around
 from gcvec.kernels import bare_kernel
 
 LEAST_STEP = 0.5 / 255
 LEAST_PUSH = 3 / 255
-"""Smaller changes of a colour do not concern its neighbours."""
+"""Smaller changes of a colour leave what points would save in its triangles as it is, and its neighbours."""
 
 
 @bare_kernel
@@ -23,7 +19,7 @@ def _reach(triangles, neighbors, first, last, pixel, weights, start, vertex, sta
         corner = corner_of(triangles, t, vertex)
         for e in range(first[t], last[t]):
             p = pixel[e]
-            # No branches here: they would be hard to predict.
+            # No branches here: they would be hard to predict. What follows a known pixel overwrites it.
             known = pixel_mark[p] == stamp
             pixel_mark[p] = stamp
             phi[p] = weights[e, corner] + (phi[p] if known else np.float32(0.0))

@@ -70,7 +70,7 @@ def _holder(triangles, neighbors, domain, vertex, start):
 
 @bare_kernel
 def insert(plot, vertex, start, holes):
-    """Make the vertex part of the mesh; its position must be known. False: it cannot be.
+    """Make a vertex whose places are known part of the mesh.
 
     Triangle `start` is near. The triangles about the vertex are `holes[:n]` afterwards, n is returned; 0
     when it cannot be done.

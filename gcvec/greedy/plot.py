@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.kernels import bare_kernel
-from gcvec.raster import cells, cover_triangle
+from gcvec.raster import cells, cover_triangle, most_entries_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -60,7 +60,7 @@ class Plot(NamedTuple):
     residual    (p, 3) float32, photo less picture, in the rows of the strip
     pixel_mark  (p,) int32, stamps
     phi         (p,) float32, what a vertex gives to each pixel
-    touched     (p,) int32, list of pixels
+    touched     (p + 1,) int32, list of pixels
     corners     (MOST_CORNERS, 4) int64, scratch: edges of a hole
     ring        (MOST_CORNERS,) int64, scratch: its corners
     ears        (MOST_CORNERS, 3) int64, scratch: triangles that fill it
@@ -138,7 +138,8 @@ def plot(
     n_pixels = (last_row - first_row) * width
     room = min(n_pixels // 3, 2 * n_vertices + 2000)
     v, t = n_vertices + room, n_triangles + 2 * room + 2
-    e = 2 * n_pixels + 4 * n_triangles + ENTRIES_A_POINT * room
+    at_top = image - [0, first_row]
+    e = most_entries_of(at_top, triangles, width, last_row - first_row) + ENTRIES_A_POINT * room
 
     def roomy(values: NDArray[Number], n: int) -> NDArray[Number]:
         held = np.empty((n, *values.shape[1:]), values.dtype)
@@ -169,7 +170,7 @@ def plot(
         residual=residual[own].copy(),
         pixel_mark=np.zeros(n_pixels, np.int32),
         phi=np.empty(n_pixels, np.float32),
-        touched=np.empty(n_pixels, np.int32),
+        touched=np.empty(n_pixels + 1, np.int32),
         corners=np.empty((MOST_CORNERS, 4), np.int64),
         ring=np.empty(MOST_CORNERS, np.int64),
         ears=np.empty((MOST_CORNERS, 3), np.int64),

@@ -63,3 +63,12 @@ def test_a_vertex_on_the_plane_of_its_neighbours_is_of_no_use() -> None:
     _, energy = reach(plot, vertex)
     assert flat < 1e-4 * usefulness(plot, vertex)
     assert usefulness(plot, vertex) == pytest.approx(3 * 0.01 * energy, rel=0.05)
+
+
+def test_a_vertex_may_reach_every_pixel() -> None:
+    """The list of pixels has room for all of them, and for the one that is overwritten next."""
+    start = garden("whole", 1)
+    (plot,) = start.placement.plots
+    (vertex,) = whole_vertices(plot)
+    n, _ = reach(plot, vertex)
+    assert n <= len(plot.residual) == len(plot.touched) - 1
