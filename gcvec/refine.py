@@ -53,7 +53,7 @@ CAREFUL = 0.97
 LEAST_AIM = 0.5
 """The aim is at least this share of the target."""
 
-GROWTH = 2.5
+GROWTH = 3.0
 FIRST_POINTS = 1 / 1500
 """A round multiplies the number of points by this at most, and adds this many a pixel on top."""
 
