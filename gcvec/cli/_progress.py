@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gcvec.progress import OnProgress, Progress
+
+
+@contextmanager
+def quick_interrupt() -> Iterator[None]:
+    """Inside, Ctrl-C ends the process at once: unwinding under compiled kernels in other threads is not safe.
+
+    Nothing is written meanwhile, so nothing is left half written.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, _end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _end(*_: object) -> None:
+    if sys.stderr.isatty():
+        os.write(sys.stderr.fileno(), b"\x1b[?25h\n")  # the bar has hidden the cursor
+    os._exit(130)
 
 
 @contextmanager

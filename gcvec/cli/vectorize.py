@@ -20,7 +20,7 @@ from gcvec.cli._options import (
     TargetBytes,
     TargetMse,
 )
-from gcvec.cli._progress import progress_bar
+from gcvec.cli._progress import progress_bar, quick_interrupt
 from gcvec.options import Options
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def vectorize(
 
     from gcvec import vectorize
 
-    with about(annotations or image), progress_bar() as on_progress:
+    with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
         result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
     warn(annotations or image, result.warnings)
     write(output, result.to_bytes())
