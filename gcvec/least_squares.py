@@ -68,14 +68,21 @@ def from_pixels(design: sparse.csr_array, picture: NDArray[np.float32]) -> Float
 
 
 @bare_kernel
+def _row_product(indptr, indices, data, x, row):
+    """One row of B x."""
+    red, green, blue = 0.0, 0.0, 0.0
+    for e in range(indptr[row], indptr[row + 1]):
+        weight, column = data[e], indices[e]
+        red += weight * x[column, 0]
+        green += weight * x[column, 1]
+        blue += weight * x[column, 2]
+    return red, green, blue
+
+
+@bare_kernel
 def _misfit(indptr, indices, data, x, y, first, last, out):
     for row in range(first, last):
-        red, green, blue = 0.0, 0.0, 0.0
-        for e in range(indptr[row], indptr[row + 1]):
-            weight, column = data[e], indices[e]
-            red += weight * x[column, 0]
-            green += weight * x[column, 1]
-            blue += weight * x[column, 2]
+        red, green, blue = _row_product(indptr, indices, data, x, row)
         out[row, 0], out[row, 1], out[row, 2] = y[row, 0] - red, y[row, 1] - green, y[row, 2] - blue
 
 
@@ -108,12 +115,7 @@ def _gram_product(indptr, indices, data, x, first, last):
     """The share of the rows `first` to `last` in BᵀB x, for B in compressed rows and x `(k, 3)`."""
     out = np.zeros_like(x)
     for row in range(first, last):
-        red, green, blue = 0.0, 0.0, 0.0
-        for e in range(indptr[row], indptr[row + 1]):
-            weight, column = data[e], indices[e]
-            red += weight * x[column, 0]
-            green += weight * x[column, 1]
-            blue += weight * x[column, 2]
+        red, green, blue = _row_product(indptr, indices, data, x, row)
         for e in range(indptr[row], indptr[row + 1]):
             weight, column = data[e], indices[e]
             out[column, 0] += weight * red
