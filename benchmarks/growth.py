@@ -17,8 +17,10 @@ def grown(run: Run, name: str, sizes: Sequence[float], target_mse: float) -> lis
     ]
 
 
-def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
-    """k of the power law size^k that fits best; None with fewer than two values."""
-    if len(values) < 2:
+def exponent(sizes: Sequence[float], values: Sequence[float], least: float = 0.0) -> float | None:
+    """k of the power law size^k that fits best the values above `least`; None with fewer than two of them."""
+    measured = [(size, value) for size, value in zip(sizes, values, strict=True) if value > least]
+    if len(measured) < 2:
         return None
-    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
+    logarithms = np.log(measured)
+    return float(np.polyfit(logarithms[:, 0], logarithms[:, 1], 1)[0])

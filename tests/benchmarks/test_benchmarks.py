@@ -45,7 +45,9 @@ def test_the_short_form_fills_every_table(tmp_path: Path) -> None:
     assert sum(seconds.values()) - seconds["total, s"] == pytest.approx(seconds["total, s"], rel=0.25)
     assert number(stages[heading.index("peak, MB")]) > 50
     assert len(rows(page, "Growth")) == 3
-    assert re.search(r"exponents: time -?\d\.\d\d, memory above the idle engine's -?\d\.\d\d", page)
+    assert re.search(
+        r"exponents: time -?\d\.\d\d, memory above the idle engine's (unknown|-?\d+\.\d\d)", page
+    )
     heading, sizes = rows(page, "Points and kilobytes")
     assert {*CODECS, "gcvec", "Delaunay-Gouraud"} < set(heading)
     for name in ("gcvec", *CODECS, "Delaunay-Gouraud", "gcvec, points", "Delaunay-Gouraud, points"):
@@ -115,6 +117,11 @@ def test_codecs_are_as_small_as_the_target_lets_them(codec: str) -> None:
 def test_exponents_are_those_of_power_laws() -> None:
     assert exponent([1, 2, 4], [3, 12, 48]) == pytest.approx(2)
     assert exponent([1], [3]) is None
+
+
+def test_what_is_too_little_to_measure_has_no_exponent() -> None:
+    assert exponent([1, 2, 4, 8], [0, 5, 20, 80], least=2) == pytest.approx(2)
+    assert exponent([1, 2, 4], [0, -1, 20], least=2) is None
 
 
 def test_larger_pictures_can_be_left_out() -> None:
