@@ -6,22 +6,33 @@ from typing import Any
 
 from benchmarks.child import peak_memory
 from benchmarks.pictures import picture
+from gcvec import Options, vectorize
 
 
 def vectorized(
-    name: str, megapixels: float, target_mse: float, strategy: str = "batch", regions: int = 0
+    name: str,
+    megapixels: float,
+    target_mse: float,
+    strategy: str = "batch",
+    regions: int = 0,
+    effort: int = Options.effort,
 ) -> dict[str, Any]:
     """The report of a run with automatic regions and no bound on points, and `base`: bytes held before it.
 
     The engine is warm: its kernels are loaded before the clock starts.
     """
-    from gcvec import Options, vectorize
     from worker.warmup import warm_up
 
     pixels = picture(name, megapixels)
     warm_up()
     base = peak_memory()
-    options = Options(strategy=strategy, target_mse=target_mse, max_points=0, regions=regions)  # type: ignore[arg-type]
+    options = Options(
+        strategy=strategy,  # type: ignore[arg-type]
+        target_mse=target_mse,
+        max_points=0,
+        regions=regions,
+        effort=effort,
+    )
     report = vectorize(pixels, None, options).report
     assert report is not None
     return {**report.as_dict(), "base": base}

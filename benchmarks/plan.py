@@ -10,14 +10,16 @@ class Plan:
     """Sizes are megapixels, targets mean squared errors on the 0-255 scale.
 
     Every picture of `pictures` is vectorized at `size` to every one of `targets`; times are shown of the one
-    to `timed_target`. The first picture is also vectorized at all `growth_sizes`, to `growth_target`, and by
-    both strategies at `paper_size`, in `paper_regions` regions, to `paper_target`.
+    to `timed_target`, and again with all `efforts`. The first is also vectorized at all `growth_sizes`, to
+    `growth_target`. Every one is vectorized by the paper's strategy at `paper_size`, in `paper_regions`
+    regions, to `paper_target`, and by the default one to the error that comes of it.
     """
 
     pictures: tuple[str, ...]
     size: float
     targets: tuple[float, ...]
     timed_target: float
+    efforts: tuple[int, ...]
     growth_sizes: tuple[float, ...]
     growth_target: float
     paper_size: float
@@ -30,6 +32,7 @@ FULL = Plan(
     size=0.07,
     targets=(20, 10, 5, 3),
     timed_target=5,
+    efforts=(1, 3, 5, 7, 9),
     growth_sizes=(0.1, 0.3, 1, 3, 12),
     growth_target=20,
     paper_size=0.004,
@@ -42,6 +45,7 @@ QUICK = Plan(
     size=0.006,
     targets=(60,),
     timed_target=60,
+    efforts=(1, 5),
     growth_sizes=(0.003, 0.006),
     growth_target=100,
     paper_size=0.001,

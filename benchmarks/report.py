@@ -29,9 +29,13 @@ brackets with its error. vtracer is tried with {tried} settings. Delaunay-Gourau
 mesh (`benchmarks/delaunay_gouraud.py`), measured at pixel centres, whose bytes are an estimate: the
 entropy of its rounded positions and colours."""
 
+EFFORTS = """\
+More effort exchanges more control points for better ones."""
+
 PAPER = """\
-The paper's strategy adds one point at a time and brings each region within the target by itself, at
-pixel centres."""
+The paper's strategy adds one point at a time and brings each region within its target by itself, at pixel
+centres. The default one is given the error of its picture as the target. Both errors are those of the
+anti-aliased picture."""
 
 LEAST_MEMORY = 1e6
 """Bytes beyond those of an idle engine: fewer vanish in what it has freed itself."""
@@ -46,13 +50,15 @@ def document(plan: Plan, run: Run) -> str:
         for name in plan.pictures
         for target in plan.targets
     }
-    sizes, strategies = _sizes(plan, run, results), _strategies(plan, run)
+    sizes, efforts = _sizes(plan, run, results), _efforts(plan, run)
+    strategies = _strategies(plan, run)
     growth = _growth(plan, run)  # last, for it may use up the run's time
     sections = (
         ["# Benchmarks", f"Written by `make bench` on {datetime.now(UTC):%Y-%m-%d}."],
         ["Machine: " + "; ".join(description()) + "."],
         [CONDITIONS.format(size=plan.size)],
         _stages(plan, results),
+        efforts,
         growth,
         sizes,
         strategies,
@@ -128,28 +134,54 @@ def _sizes(plan: Plan, run: Run, results: dict[tuple[str, float], Outcome]) -> l
     ]
 
 
+def _efforts(plan: Plan, run: Run) -> list[str]:
+    rows = []
+    for name in plan.pictures:
+        for effort in plan.efforts:
+            common = {"name": name, "megapixels": plan.size, "target_mse": plan.timed_target}
+            outcome = run.measure(vectorized, effort=effort, **common)
+            if outcome.failure:
+                rows.append([name, str(effort), outcome.failure])
+                continue
+            report = outcome.value
+            seconds, points = report["seconds"]["total"], report["points"]
+            kilobytes = _kilobytes(outcome, None, plan.timed_target)
+            figures = [f"{points:,}", kilobytes, f"{seconds:.2f}", f"{points / seconds:,.0f}"]
+            rows.append([name, str(effort), *figures])
+    heading = ["picture", "effort", "points", "kilobytes", "seconds", "points a second"]
+    return [f"## Efforts, at an error of {plan.timed_target:g}", _table(heading, rows), EFFORTS]
+
+
 def _strategies(plan: Plan, run: Run) -> list[str]:
-    name = plan.pictures[0]
-    common = {"name": name, "megapixels": plan.paper_size, "regions": plan.paper_regions}
-    rows, figures = [], []
-    for strategy in ("batch", "paper"):
-        outcome = run.measure(vectorized, strategy=strategy, target_mse=plan.paper_target, **common)
-        if outcome.failure:
-            rows.append([strategy, outcome.failure])
+    rows = []
+    for name in plan.pictures:
+        common = {"name": name, "megapixels": plan.paper_size, "regions": plan.paper_regions}
+        paper = run.measure(vectorized, strategy="paper", target_mse=plan.paper_target, **common)
+        if paper.failure:
+            rows.append([name, paper.failure])
             continue
-        report = outcome.value
-        seconds, points = report["seconds"]["total"], report["points"]
-        figures.append((seconds, points))
-        errors = [f"{report[name]:.1f}" for name in ("mse", "mse_raw")]
-        rows.append([strategy, f"{seconds:.2f}", f"{points:,}", *errors])
-    if len(figures) == 2:
-        (fast, few), (slow, many) = figures
-        rows.append(["paper / batch", f"{slow / fast:.1f}", f"{many / max(few, 1):.2f}", "", ""])
-    return [
-        f"## The paper's strategy: {name}, {1e6 * plan.paper_size:,.0f} pixels, target {plan.paper_target:g}",
-        _table(["strategy", "seconds", "points", "error", "error at pixel centres"], rows),
-        PAPER,
-    ]
+        batch = run.measure(vectorized, target_mse=paper.value["mse"], **common)
+        if batch.failure:
+            rows.append([name, batch.failure])
+            continue
+        slow, fast = paper.value, batch.value
+        times = [report["seconds"]["total"] for report in (slow, fast)]
+        points = [report["points"] for report in (slow, fast)]
+        errors = [f"{report['mse']:.1f}" for report in (slow, fast)]
+        rows.append(
+            [
+                name,
+                *errors,
+                *(f"{count:,}" for count in points),
+                f"{100 * points[1] / max(points[0], 1):.0f} %",
+                *(f"{seconds:.2f}" for seconds in times),
+                f"{times[0] / times[1]:.0f}",
+            ]
+        )
+    heading = ["picture", "error, paper", "error", "points, paper", "points", "share"]
+    heading += ["seconds, paper", "seconds", "times as fast"]
+    size = f"{1e6 * plan.paper_size:,.0f} pixels in {plan.paper_regions} regions"
+    return [f"## The paper's strategy, {size}", _table(heading, rows), PAPER]
 
 
 def _entry(outcome: Outcome, number: int | None) -> Any:

@@ -53,8 +53,12 @@ def test_the_short_form_fills_every_table(tmp_path: Path) -> None:
     for name in ("gcvec", *CODECS, "Delaunay-Gouraud", "gcvec, points", "Delaunay-Gouraud, points"):
         assert number(sizes[heading.index(name)]) > 0
     assert re.fullmatch(r"[\d.]+|\([\d.]+: [\d.]+\)", sizes[heading.index("vtracer, gzip")])
-    *_, ratio = rows(page, "The paper's strategy")
-    assert number(ratio[1]) > 1
+    assert len(rows(page, "Efforts")) == 3
+    heading, row = rows(page, "The paper's strategy")
+    paper = dict(zip(heading, row, strict=True))
+    assert number(paper["error"]) <= number(paper["error, paper"])
+    assert number(paper["points"]) < number(paper["points, paper"])
+    assert number(paper["times as fast"]) > 1
 
 
 def fails() -> None:
