@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,8 @@ LOSS = 1.15
 
 LANDING = 0.15
 LEAST_SPARE = 0.03
-"""At the end no more than this share of the points is taken out to land on the target, and no fewer."""
+"""At the end no more than this share of the points is taken out to land on the target, and no fewer; with the
+least effort none."""
 
 SHORT = 1.02
 """A picture that misses the aim by more than this factor is given more points before its file is made."""
@@ -53,9 +55,8 @@ CAREFUL = 0.97
 LEAST_AIM = 0.5
 """The aim is at least this share of the target."""
 
-GROWTH = 3.0
 FIRST_POINTS = 1 / 1500
-"""A round multiplies the number of points by this at most, and adds this many a pixel on top."""
+"""Points a pixel that a round may place, however few there are."""
 
 NEAR = 1.1
 """Growth ends within this factor of the aim: exchanges do the rest."""
@@ -79,6 +80,36 @@ FINAL_ITERATIONS = 10
 FINAL_SWEEPS = 2
 """Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
 may take some sweeps to find the colours that stay at their bounds."""
+
+
+class Effort(NamedTuple):
+    """What is done for fewer points.
+
+    growth     times as many points as there are, at most, that a round of growth adds: in smaller rounds
+               they go where the error still is
+    exchanges  shares of the points that later rounds take out, and place anew as far as the target asks for
+               it
+    """
+
+    growth: float
+    exchanges: tuple[float, ...]
+
+
+EFFORTS = {
+    1: Effort(6.0, ()),
+    2: Effort(3.0, ()),
+    3: Effort(3.0, (0.2,)),
+    4: Effort(3.0, (0.15, 0.1)),
+    5: Effort(3.0, (0.2, 0.1)),
+    6: Effort(3.0, (0.2, 0.15, 0.1, 0.1)),
+    7: Effort(3.0, (0.25, 0.2, 0.2, 0.15, 0.1, 0.1)),
+    8: Effort(3.0, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1)),
+    9: Effort(3.0, (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.05)),
+}
+
+FEW = 10_000
+MORE_EXCHANGES = (0.15, 0.1)
+"""With so few points exchanges take next to no time, and there are more of them: not at the least effort."""
 
 
 @dataclass(frozen=True)
@@ -114,14 +145,16 @@ def refine_batch(
     state = Refinement(
         foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock
     )
+    growth, exchanges = EFFORTS[effort]
     state.seed()
-    more = state.grow()
-    shares = EXCHANGES[effort] + (MORE_EXCHANGES if len(state.points) < FEW else ())
-    for share in shares:
+    more = state.grow(growth)
+    if exchanges and len(state.points) < FEW:
+        exchanges += MORE_EXCHANGES
+    for share in exchanges:
         more = state.turn_over(share)
     if state.mse > SHORT * state.aim:
-        more = state.turn_over(0.0)
-    if state.spare > LEAST_SPARE:
+        more = state.catch_up()
+    if exchanges and state.spare > LEAST_SPARE:
         more = state.turn_over(min(state.spare, LANDING))
     for retries in reversed(range(RETRIES)):
         state.settle()
@@ -131,27 +164,8 @@ def refine_batch(
         if mse <= target_mse or not more or not retries:
             break
         state.learn(mse)
-        more = state.turn_over(0.0)
+        more = state.catch_up()
     return data, image
-
-
-EXCHANGES = {
-    1: (),
-    2: (0.1,),
-    3: (0.2,),
-    4: (0.15, 0.1),
-    5: (0.2, 0.1),
-    6: (0.2, 0.15, 0.1, 0.1),
-    7: (0.25, 0.2, 0.2, 0.15, 0.1, 0.1),
-    8: (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1),
-    9: (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.05),
-}
-"""What an effort means: shares of the control points that rounds take out, and place anew as far as the
-target asks for it."""
-
-FEW = 10_000
-MORE_EXCHANGES = (0.15, 0.1)
-"""With so few points exchanges take next to no time, and there are more of them."""
 
 
 class Refinement:
@@ -211,12 +225,13 @@ class Refinement:
         """Aim lower: a file of the picture as it is has the error `mse`."""
         self._margin *= 0.99 * self.mse / self.aim * self._target_mse / mse
 
-    def grow(self) -> bool:
-        """Place points until the picture is nearly as good as the aim. False: no more of them help."""
+    def grow(self, growth: float) -> bool:
+        """Place points until the picture is nearly as good as the aim, in rounds that add `growth` times as
+        many as there are at most. False: no more of them help."""
         idle_rounds = 0
         while self.mse > NEAR * self.aim:
             n, before = len(self.points), self.mse
-            if not self.turn_over(0.0):
+            if not self.turn_over(0.0, growth):
                 return False
             if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
                 return False
@@ -227,9 +242,19 @@ class Refinement:
                 return False
         return True
 
-    def turn_over(self, share: float) -> bool:
+    def catch_up(self) -> bool:
+        """Place the points that are missing. False when no more points help.
+
+        After a round of growth the error is often a little lower than its placement foresaw; after one that
+        places few points it is not.
+        """
+        self._bias = min(self._bias, 1.0)
+        return self.turn_over(0.0)
+
+    def turn_over(self, share: float, growth: float = 1.0) -> bool:
         """One round: take out the least useful `share` of the control points, and place as many new ones as
-        the aim asks for, `GROWTH` times the number there is at most. False when no more points help.
+        the aim asks for: no more than were taken, or where none were `growth` times as many as there are.
+        False when no more points help.
         """
         n = len(self.points)
         with self._clock.stage("evaluation"):
@@ -248,8 +273,8 @@ class Refinement:
                 SHIFTS[self._iteration % 2],
             )
             placement.thin_out(int(share * n), finished)
-            growth = share if share else GROWTH  # an exchange gives back no more than it takes
-            more = placement.grow(goal, int(growth * n + FIRST_POINTS * len(self._truth)) + 4)
+            most = int((share or growth) * n + FIRST_POINTS * len(self._truth)) + 4
+            more = placement.grow(goal, most)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
         expected = placement.error
