@@ -19,7 +19,7 @@ from gcvec.samples import BoundarySamples
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-FLATNESS = 0.03
+FLATNESS = 0.015
 """Distance between a drawn polyline and its curve, in output pixels, that nobody sees."""
 
 

@@ -39,18 +39,24 @@ RISE = 0.75
 """Without the least useful share s of its control points a picture has about 1 + 0.75 s times the error."""
 
 LOSS = 1.15
-"""Rounding colours as a file does costs this much more than rounding to nearest: see its dead zone."""
+"""Rounding colours as a file does costs about this much more than rounding to nearest, see its dead zone: the
+first guess, until a file has been made."""
 
 LANDING = 0.15
 LEAST_SPARE = 0.03
 """At the end no more than this share of the points is taken out to land on the target, and no fewer; with the
 least effort none."""
 
-SHORT = 1.02
-"""A picture that misses the aim by more than this factor is given more points before its file is made."""
+CAREFUL = 0.98
+MORE_CAREFUL = 0.995
+"""The first aim is lower than it need be by this factor, since missing the target costs another round; and
+after each miss by another one."""
 
-CAREFUL = 0.97
-"""The first aim is lower than it need be by this factor: missing the target costs another round."""
+LEAST_LESSON = 0.1
+"""What rounding is taken to cost falls no further than to this share when a file is looked at."""
+
+SETTLED = 0.985
+"""Of a round's error about this share remains after the last fit."""
 
 LEAST_AIM = 0.5
 """The aim is at least this share of the target."""
@@ -145,26 +151,33 @@ def refine_batch(
     state = Refinement(
         foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock
     )
+
+    def filed() -> tuple[bytes, VectorImage, float]:
+        with clock.stage("encode"):
+            data, image = draft.file(state.canvas, state.points, state.colors)
+            return data, image, measured_mse(image, pixels)
+
     growth, exchanges = EFFORTS[effort]
     state.seed()
     more = state.grow(growth)
-    if exchanges and len(state.points) < FEW:
-        exchanges += MORE_EXCHANGES
+    if exchanges:
+        _, _, mse = filed()
+        state.learn(mse)
+        if len(state.points) < FEW:
+            exchanges += MORE_EXCHANGES
     for share in exchanges:
         more = state.turn_over(share)
-    if state.mse > SHORT * state.aim:
-        more = state.catch_up()
+    state.settle()
     if exchanges and state.spare > LEAST_SPARE:
         more = state.turn_over(min(state.spare, LANDING))
-    for retries in reversed(range(RETRIES)):
         state.settle()
-        with clock.stage("encode"):
-            data, image = draft.file(state.canvas, state.points, state.colors)
-            mse = measured_mse(image, pixels)
+    for retries in reversed(range(RETRIES)):
+        data, image, mse = filed()
         if mse <= target_mse or not more or not retries:
             break
         state.learn(mse)
         more = state.catch_up()
+        state.settle()
     return data, image
 
 
@@ -213,8 +226,12 @@ class Refinement:
         Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
         picture as the colour has energy there.
         """
-        loss = 1 / 12 + self._loss * float(self._fit.energy.sum())
-        return self._margin * max(self._target_mse - loss, LEAST_AIM * self._target_mse)
+        return self._margin * max(self._target_mse - self._rounding, LEAST_AIM * self._target_mse)
+
+    @property
+    def _rounding(self) -> float:
+        """Error that rounding adds, as far as is known."""
+        return 1 / 12 + self._loss * float(self._fit.energy.sum())
 
     @property
     def spare(self) -> float:
@@ -222,8 +239,11 @@ class Refinement:
         return max(self.aim / max(self.mse, 1e-9) - 1, 0.0) / RISE
 
     def learn(self, mse: float) -> None:
-        """Aim lower: a file of the picture as it is has the error `mse`."""
-        self._margin *= 0.99 * self.mse / self.aim * self._target_mse / mse
+        """See what rounding costs: a file of the picture as it is has the error `mse`."""
+        missed_by = mse / self._target_mse * self.aim / max(self.mse, 1e-9)
+        self._loss *= max((mse - self.mse) / self._rounding, LEAST_LESSON)
+        if mse > self._target_mse:
+            self._margin *= MORE_CAREFUL / max(missed_by, 1.0)
 
     def grow(self, growth: float) -> bool:
         """Place points until the picture is nearly as good as the aim, in rounds that add `growth` times as
@@ -248,7 +268,7 @@ class Refinement:
         After a round of growth the error is often a little lower than its placement foresaw; after one that
         places few points it is not.
         """
-        self._bias = min(self._bias, 1.0)
+        self._bias = min(self._bias, 1.0) * SETTLED
         return self.turn_over(0.0)
 
     def turn_over(self, share: float, growth: float = 1.0) -> bool:
@@ -259,7 +279,8 @@ class Refinement:
         n = len(self.points)
         with self._clock.stage("evaluation"):
             finished = self._finished()
-            goal, on_canvas = self._bias * self._to_square(self.aim), self._fit.operator @ self.colors
+            goal = self._bias * self._to_square(self.aim / SETTLED)
+            on_canvas = self._fit.operator @ self.colors
             del self._fit  # large, and no longer needed
             placement = begin_placement(
                 self.canvas,

@@ -183,7 +183,7 @@ def test_every_scale_averages_to_the_same_picture(scene: str) -> None:
         fine = image.render(float(scale)).astype(float)
         averaged = fine.reshape(image.height, scale, image.width, scale, 3).mean(axis=(1, 3))
         off = np.abs(averaged - single).max(axis=2)
-        # Polylines leave their curves by a thirtieth of an output pixel at any scale.
+        # Polylines leave their curves by a sixtieth of an output pixel at any scale.
         assert off[border].max() <= 4
         # Both pictures are rounded to levels.
         assert off[~border].max() <= 1
