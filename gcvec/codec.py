@@ -15,31 +15,44 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec import color_coding, entropy, file_limits
+from gcvec import entropy, file_limits
 from gcvec.boundary import Curve, Network, straight_line
+from gcvec.boundary_coding import BOUNDARY_COUNTERS, BOUNDARY_INPUTS, BOUNDARY_ROWS, code_boundary_colors
 from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation
-from gcvec.color_coding import BASIS
+from gcvec.color_coding import from_coordinates, to_coordinates
 from gcvec.color_space import LEFT, RIGHT
-from gcvec.curve_coding import CURVE_CONTEXTS, END, HARD, SEGMENTS, START, code_geometry, code_topology
+from gcvec.curve_coding import (
+    END,
+    HARD,
+    SEGMENTS,
+    START,
+    TOPOLOGY_COUNTERS,
+    TOPOLOGY_INPUTS,
+    TOPOLOGY_ROWS,
+    code_topology,
+)
 from gcvec.entropy import Coder
 from gcvec.errors import InputError
 from gcvec.file_limits import control_counts, demand, shortest_stream
+from gcvec.geometry_coding import GEOMETRY_COUNTERS, GEOMETRY_INPUTS, GEOMETRY_ROWS, code_geometry
+from gcvec.integer_coding import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
 from gcvec.loops import network_loops
+from gcvec.mixing import Model, fresh_model
+from gcvec.occupancy_coding import OCCUPANCY_COUNTERS, OCCUPANCY_INPUTS, OCCUPANCY_ROWS, code_occupancy
 from gcvec.planar_graph import OUTSIDE
+from gcvec.point_coding import POINT_COUNTERS, POINT_INPUTS, POINT_ROWS, code_point_colors
 from gcvec.quantization import Quantization
+from gcvec.text_coding import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MAGIC = b"GCV"
-VERSION = 1
+GRAY = 0.5
+"""The colour that boundary colours are differences from."""
 
-_SIZES, _TEXT, _CURVES = 0, entropy.SEQUENCE_CONTEXTS, 2 * entropy.SEQUENCE_CONTEXTS
-_BOUNDARY = _CURVES + CURVE_CONTEXTS
-_OCCUPANCY = _BOUNDARY + color_coding.COLOR_CONTEXTS
-_COLORS = _OCCUPANCY + entropy.OCCUPANCY_CONTEXTS
-_CONTEXTS = _COLORS + color_coding.COLOR_CONTEXTS
+MAGIC = b"GCV"
+VERSION = 2
 
 
 def encode(image: VectorImage) -> bytes:
@@ -51,7 +64,7 @@ def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
     """The file of a vector image, and its boundary and point colours as a decoder will see them."""
     capacity = (1 << 16) + 4 * len(image.points)
     while True:
-        coder = entropy.writer(capacity, _CONTEXTS)
+        coder = entropy.writer(capacity)
         boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
         n_text, n_points = _write(coder, image, boundary_colors, point_colors)
         stream = entropy.finish(coder)
@@ -70,7 +83,7 @@ def decode(data: bytes) -> VectorImage:
         raise InputError("a gcvec file of a version this program does not know", code="broken-gcv")
     if zlib.crc32(data[8:]) != struct.unpack("<I", data[4:8])[0]:
         raise InputError("the file is damaged or cut short", code="broken-gcv")
-    coder = entropy.reader(data[8:], _CONTEXTS)
+    coder = entropy.reader(data[8:])
     try:
         return _read(coder, len(data) - 8)
     except (ValueError, IndexError, RuntimeError, MemoryError, OverflowError) as problem:
@@ -86,46 +99,46 @@ def _write(
     """
     network, steps = image.network, image.quantization
     sizes = [network.width, network.height, network.n_nodes, len(network.curves), len(network.loops)]
-    entropy.code_sequence(
-        coder, _SIZES, np.array([*sizes, *astuple(steps), image.control_points is not None])
-    )
     text = np.frombuffer(json.dumps(image.labels, ensure_ascii=False).encode(), np.uint8).astype(np.int64)
-    entropy.code_sequence(coder, _SIZES, np.array([len(text)]))
-    entropy.code_sequence(coder, _TEXT, text)
+    edited = image.control_points is not None
+    _code_sizes(coder, np.array([*sizes, *astuple(steps), edited, len(text)]))
+    code_text(coder, fresh_model(TEXT_COUNTERS, TEXT_ROWS, TEXT_INPUTS), text)
     table = np.array(
         [
             (c.left, c.right, c.start, c.end, c.level, c.segments, h)
             for c, h in zip(network.curves, image.hard, strict=True)
         ]
     )
-    code_topology(coder, _CURVES, table)
+    _code_topology(coder, table)
+    curves = _geometry_model()
     reference = network.control_points.copy()
-    _code_positions(coder, table, steps, reference)
+    _code_positions(coder, curves, table, steps, reference)
     if image.control_points is not None:
-        _code_positions(coder, table, steps, image.control_points.copy())
+        _code_positions(coder, curves, table, steps, image.control_points.copy())
     _code_boundary(coder, image.foundation, steps, boundary_colors)
     occupied = np.zeros((network.height, network.width), np.uint8)
     occupied[image.points[:, 1], image.points[:, 0]] = 1
-    entropy.code_occupancy(coder, _OCCUPANCY, occupied)
-    _code_points(coder, image.canvas, steps, image.points, boundary_colors, point_colors)
+    _code_occupancy(coder, occupied)
+    _code_points(coder, image.canvas, steps, image.points, occupied, boundary_colors, point_colors)
     return len(text), len(table) + len(reference) + len(image.points)
 
 
 def _read(coder: Coder, length: int) -> VectorImage:
     """Read everything; `length` is that of the stream, which bounds what may be in it."""
-    sizes = np.zeros(9, np.int64)
-    entropy.code_sequence(coder, _SIZES, sizes)
+    sizes = np.zeros(10, np.int64)
+    _code_sizes(coder, sizes)
     width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
     steps = Quantization(*(int(n) for n in sizes[5:8]))
     edited = bool(sizes[8])
     file_limits.check_sizes(width, height, n_nodes, n_curves, n_patches, length)
     file_limits.check_steps(steps)
-    labels = _read_labels(coder, n_patches, length)
+    labels = _read_labels(coder, int(sizes[9]), n_patches, length)
     table = np.zeros((n_curves, 7), np.int64)
-    code_topology(coder, _CURVES, table)
+    _code_topology(coder, table)
     file_limits.check_topology(table, n_nodes, n_patches, length)
-    reference = _read_positions(coder, table, steps, width, height)
-    moved = _read_positions(coder, table, steps, width, height) if edited else None
+    curves = _geometry_model()
+    reference = _read_positions(coder, curves, table, steps, width, height)
+    moved = _read_positions(coder, curves, table, steps, width, height) if edited else None
     network = _network(width, height, n_nodes, n_patches, table, reference)
     hard = table[:, HARD].astype(bool)
     foundation = lay_foundation(network, hard, moved)
@@ -134,7 +147,7 @@ def _read(coder: Coder, length: int) -> VectorImage:
     _code_boundary(coder, foundation, steps, boundary_colors)
     _check_whole(coder)
     occupied = np.zeros((height, width), np.uint8)
-    entropy.code_occupancy(coder, _OCCUPANCY, occupied)
+    _code_occupancy(coder, occupied)
     _check_whole(coder)
     ys, xs = np.nonzero(occupied)
     file_limits.check_points(n_curves + len(reference) + len(xs), length)
@@ -142,7 +155,7 @@ def _read(coder: Coder, length: int) -> VectorImage:
     canvas = lay_canvas(foundation, points)
     demand((canvas.mesh.patch >= 0).all() and len(canvas.unit) > 0, "curves that do not fit together")
     point_colors = np.zeros((len(points), 3))
-    _code_points(coder, canvas, steps, points, boundary_colors, point_colors)
+    _code_points(coder, canvas, steps, points, occupied, boundary_colors, point_colors)
     _check_whole(coder)
     image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
     return image.knowing(canvas)
@@ -160,27 +173,45 @@ def _fills_frame(foundation: Foundation) -> bool:
     return bool(inside and (mesh.patch >= 0).all() and (foundation.geometry.triangle_at >= 0).all())
 
 
-def _read_labels(coder: Coder, n_patches: int, length: int) -> tuple[str, ...]:
-    size = np.zeros(1, np.int64)
-    entropy.code_sequence(coder, _SIZES, size)
-    file_limits.check_text(int(size[0]), length)
-    text = np.zeros(int(size[0]), np.int64)
-    entropy.code_sequence(coder, _TEXT, text)
+def _code_sizes(coder: Coder, sizes: Ints) -> None:
+    code_sequence(coder, fresh_model(SEQUENCE_COUNTERS, SEQUENCE_ROWS, SEQUENCE_INPUTS), sizes)
+
+
+def _code_topology(coder: Coder, table: Ints) -> None:
+    code_topology(coder, fresh_model(TOPOLOGY_COUNTERS, TOPOLOGY_ROWS, TOPOLOGY_INPUTS), table)
+
+
+def _geometry_model() -> Model:
+    return fresh_model(GEOMETRY_COUNTERS, GEOMETRY_ROWS, GEOMETRY_INPUTS)
+
+
+def _code_occupancy(coder: Coder, occupied: NDArray[np.uint8]) -> None:
+    code_occupancy(coder, fresh_model(OCCUPANCY_COUNTERS, OCCUPANCY_ROWS, OCCUPANCY_INPUTS), occupied)
+
+
+def _read_labels(coder: Coder, n_bytes: int, n_patches: int, length: int) -> tuple[str, ...]:
+    file_limits.check_text(n_bytes, length)
+    text = np.zeros(n_bytes, np.int64)
+    code_text(coder, fresh_model(TEXT_COUNTERS, TEXT_ROWS, TEXT_INPUTS), text)
     _check_whole(coder)
     labels = json.loads(text.astype(np.uint8).tobytes().decode())
     demand(isinstance(labels, list) and len(labels) == n_patches, "labels that do not fit the patches")
     return tuple(str(label) for label in labels)
 
 
-def _read_positions(coder: Coder, table: Ints, steps: Quantization, width: int, height: int) -> Floats:
+def _read_positions(
+    coder: Coder, curves: Model, table: Ints, steps: Quantization, width: int, height: int
+) -> Floats:
     control_points = np.zeros((int(control_counts(table).sum()), 2))
-    _code_positions(coder, table, steps, control_points)
+    _code_positions(coder, curves, table, steps, control_points)
     _check_whole(coder)
     file_limits.check_places(control_points, width, height)
     return control_points
 
 
-def _code_positions(coder: Coder, table: Ints, steps: Quantization, control_points: Floats) -> None:
+def _code_positions(
+    coder: Coder, curves: Model, table: Ints, steps: Quantization, control_points: Floats
+) -> None:
     """Write the control points `(n, 2)` of all curves, or read them.
 
     Nodes count once; curves on the frame are straight lines between theirs.
@@ -199,7 +230,7 @@ def _code_positions(coder: Coder, table: Ints, steps: Quantization, control_poin
     grid = np.round(control_points / steps.grid).astype(np.int64)
     nodes[at] = grid[ends]
     places = grid[inner]
-    code_geometry(coder, _CURVES, table, offsets, nodes, places)
+    code_geometry(coder, curves, table, offsets, nodes, places)
     control_points[inner] = places * steps.grid
     control_points[ends] = nodes[at] * steps.grid
     for c in np.flatnonzero(on_frame & ~closed):
@@ -222,44 +253,51 @@ def _network(
 def _code_boundary(coder: Coder, foundation: Foundation, steps: Quantization, colors: Floats) -> None:
     """Write the boundary colours, or read them; either way `colors` becomes what a decoder sees."""
     offsets, unknown = foundation.samples.offsets, foundation.space.of_control
-    sides = [
-        (unknown[side, offsets[c] : offsets[c + 1]], patch)
-        for c, curve in enumerate(foundation.network.curves)
-        for side, patch in ((RIGHT, curve.right), (LEFT, curve.left))
-        if patch != OUTSIDE
-    ]
-    starts = np.concatenate([[0], np.cumsum([len(u) for u, _ in sides])])
-    color_coding.code_boundary_colors(
+    sides: list[tuple[Ints, int, int]] = []
+    for c, curve in enumerate(foundation.network.curves):
+        twin = -1
+        for side, patch in ((RIGHT, curve.right), (LEFT, curve.left)):
+            if patch != OUTSIDE:
+                sides.append((unknown[side, offsets[c] : offsets[c + 1]], patch, twin))
+                twin = len(sides) - 1
+    unknowns, patches, twins = zip(*sides, strict=True)
+    coordinates = np.zeros(colors.shape, np.int64)
+    code_boundary_colors(
         coder,
-        _BOUNDARY,
-        np.concatenate([u for u, _ in sides]),
-        starts,
-        np.array([patch for _, patch in sides]),
+        fresh_model(BOUNDARY_COUNTERS, BOUNDARY_ROWS, BOUNDARY_INPUTS),
+        np.concatenate(unknowns),
+        np.cumsum([0, *map(len, unknowns)]),
+        np.array(patches),
+        np.array(twins),
         len(foundation.network.loops),
-        colors,
-        steps.boundary,
-        BASIS,
+        to_coordinates(colors - GRAY, steps.boundary),
+        coordinates,
     )
+    colors[:] = GRAY + from_coordinates(coordinates, steps.boundary)
 
 
 def _code_points(
-    coder: Coder, canvas: Canvas, steps: Quantization, points: Ints, boundary_colors: Floats, colors: Floats
+    coder: Coder,
+    canvas: Canvas,
+    steps: Quantization,
+    points: Ints,
+    occupied: NDArray[np.uint8],
+    boundary_colors: Floats,
+    colors: Floats,
 ) -> None:
     """Write the interior colours, or read them; either way `colors` becomes what a decoder sees."""
-    network = canvas.foundation.network
-    color_coding.code_point_colors(
+    base = predicted_colors(canvas.foundation, boundary_colors, points)
+    coordinates = np.zeros(colors.shape, np.int64)
+    code_point_colors(
         coder,
-        _COLORS,
-        color_coding.progressive_order(points),
+        fresh_model(POINT_COUNTERS, POINT_ROWS, POINT_INPUTS),
         points,
         canvas.patch_of_points(),
-        predicted_colors(canvas.foundation, boundary_colors, points),
-        colors,
-        network.width,
-        network.height,
-        steps.point,
-        BASIS,
+        occupied,
+        to_coordinates(colors - base, steps.point),
+        coordinates,
     )
+    colors[:] = base + from_coordinates(coordinates, steps.point)
 
 
 def predicted_colors(foundation: Foundation, boundary_colors: Floats, points: Ints) -> Floats:

@@ -22,7 +22,7 @@ Ints = NDArray[np.int64]
 MOST_PIXELS = 1 << 26
 
 PIXELS_A_BYTE = 4096
-"""A pixel of the bitmap costs at least 0.0022 bits, so no stream carries more than 3,600 a byte."""
+"""Pixels that one byte of a stream allows; few pictures are so empty that it takes padding."""
 
 POINTS_A_BYTE = 2
 TEXT_A_BYTE = 64

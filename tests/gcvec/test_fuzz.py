@@ -13,10 +13,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gcvec import InputError
 from gcvec.codec import decode, encode
-from gcvec.entropy import SEQUENCE_CONTEXTS, code_sequence, finish, writer
+from gcvec.entropy import finish, writer
+from gcvec.integer_coding import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
+from gcvec.mixing import fresh_model
+from gcvec.text_coding import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
 from tests.gcvec.test_pipeline import vectorized
 
 FILES = 10_000
@@ -38,7 +42,7 @@ def streams() -> list[bytes]:
 
 def sealed(stream: bytes) -> bytes:
     """A file whose checksum is right."""
-    return b"GCV\x01" + struct.pack("<I", zlib.crc32(stream)) + stream
+    return b"GCV\x02" + struct.pack("<I", zlib.crc32(stream)) + stream
 
 
 def with_changed_bytes(rng: np.random.Generator, stream: bytes) -> bytes:
@@ -73,17 +77,23 @@ def noise(rng: np.random.Generator, stream: bytes) -> bytes:
     return rng.bytes(int(rng.integers(0, 3000)))
 
 
+def coded_head(sizes: NDArray[np.int64]) -> bytes:
+    """The beginning of a stream: sizes `(10,)`, and one empty label."""
+    coder = writer(256)
+    code_sequence(coder, fresh_model(SEQUENCE_COUNTERS, SEQUENCE_ROWS, SEQUENCE_INPUTS), sizes)
+    text = np.frombuffer(b'[""]', np.uint8).astype(np.int64)
+    code_text(coder, fresh_model(TEXT_COUNTERS, TEXT_ROWS, TEXT_INPUTS), text)
+    head = finish(coder)
+    assert head is not None
+    return head
+
+
 def with_forged_sizes(rng: np.random.Generator, stream: bytes) -> bytes:
     """Well-coded sizes and labels, as large as they come, before the rest of another file."""
     sizes = np.array([400, 300, 4, 4, 1, 4, 16, 16, 0, 4])
     large = rng.integers(0, 10, rng.integers(0, 4))
     sizes[large] = np.minimum(2.0 ** rng.uniform(0, 24, len(large)), 2**24 - 1).astype(np.int64)
-    coder = writer(256, 2 * SEQUENCE_CONTEXTS)
-    code_sequence(coder, 0, sizes[:9])
-    code_sequence(coder, 0, sizes[9:])
-    code_sequence(coder, SEQUENCE_CONTEXTS, np.frombuffer(b'[""]', np.uint8).astype(np.int64))
-    head = finish(coder)
-    assert head is not None
+    head = coded_head(sizes)
     tail = stream if rng.random() < 0.5 else bytes([int(rng.choice([0, 255]))]) * int(rng.integers(3000))
     return head[:-3] + tail[rng.integers(0, 40) :]
 
@@ -135,12 +145,7 @@ def test_claims_beyond_the_files_length_cost_nothing(which: int) -> None:
     """Each size and count of the header by itself, as large as it can be written."""
     sizes = np.array([400, 300, 4, 4, 1, 4, 16, 16, 0, 4])
     sizes[which] = 2**24 - 1
-    coder = writer(256, 2 * SEQUENCE_CONTEXTS)
-    code_sequence(coder, 0, sizes[:9])
-    code_sequence(coder, 0, sizes[9:])
-    head = finish(coder)
-    assert head is not None
-    data = sealed(head.ljust(300, b"\xff"))
+    data = sealed(coded_head(sizes).ljust(300, b"\xff"))
     tracemalloc.start()
     try:
         assert refused(data)

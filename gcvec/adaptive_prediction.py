@@ -1,0 +1,41 @@
+"""A linear prediction whose coefficients adapt as they are used."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.kernels import bare_kernel
+
+Floats = NDArray[np.float64]
+
+FURTHEST = 1 << 30
+"""Predictions, and what is predicted, stay within this, whatever a file says."""
+
+
+@bare_kernel
+def nearest_integer(value: float) -> int:
+    """The integer nearest to a prediction; 0 for what is none."""
+    return int(np.floor(value + 0.5)) if abs(value) < FURTHEST else 0
+
+
+@bare_kernel
+def correction(gain: Floats, features: Floats) -> float:
+    """The sum of `features` `(f,)` by their coefficients `gain` `(f,)`, in order."""
+    total = 0.0
+    for f in range(len(features)):
+        total += gain[f] * features[f]
+    return total
+
+
+@bare_kernel
+def learn(gain: Floats, power: Floats, features: Floats, missing: float) -> None:
+    """Move the coefficients `(f,)` so that less would have been `missing`.
+
+    `power` `(f,)` sums up the squares of the features: as it grows, steps become smaller (Duchi, Hazan and
+    Singer, "Adaptive subgradient methods", 2011).
+    """
+    for f in range(len(features)):
+        value = features[f]
+        power[f] += value * value
+        gain[f] += 0.15 * missing * value / (30.0 * np.sqrt(power[f]) + 10.0 * value * value + 10.0)
