@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation, lay_unfolded_canvas
 from gcvec.clearance import room
-from gcvec.color_fit import color_fit
+from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import Draft, by_rows, measured_mse
 from gcvec.greedy import begin_placement
 from gcvec.greedy.seats import Seats, seats
 from gcvec.least_squares import solve, solve_bounded
 from gcvec.quantization import Quantization
+from gcvec.raster import Coverage
 from gcvec.seeding import seeds
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -104,21 +105,24 @@ def refine_batch(
     effort: int,
     on_step: Callable[[Step], None],
     clock: StageClock,
+    start: tuple[Ints, Floats] | None = None,
 ) -> tuple[bytes, VectorImage]:
     """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
 
     `pixels` is the photo `(h, w, 3)`, and `photo` the same in [0, 1]. `max_points` bounds the points of one
     region, 0 lifts the bound.
-    `effort`, 1 to 9, trades time for fewer points.
+    `effort`, 1 to 9, trades time for fewer points. `start` are control points `(n, 2)`, by rows, and all
+    colours `(b + n, 3)` to start from, where the rounds up to the last exchange have been done.
     """
     state = Refinement(
-        foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock
+        foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock, start
     )
-    state.seed()
-    more = state.grow()
-    shares = EXCHANGES[effort] + (MORE_EXCHANGES if len(state.points) < FEW else ())
-    for share in shares:
-        more = state.turn_over(share)
+    more = True
+    if start is None:
+        state.seed()
+        more = state.grow()
+        for share in exchanges(effort, len(state.points)):
+            more = state.turn_over(share)
     if state.mse > SHORT * state.aim:
         more = state.turn_over(0.0)
     if state.spare > LEAST_SPARE:
@@ -154,12 +158,28 @@ MORE_EXCHANGES = (0.15, 0.1)
 """With so few points exchanges take next to no time, and there are more of them."""
 
 
+def exchanges(effort: int, points: int) -> tuple[float, ...]:
+    """The shares that an effort means for a picture that has grown to so many points."""
+    return EXCHANGES[effort] + (MORE_EXCHANGES if points < FEW else ())
+
+
+def error_before_rounding(target_mse: float, steps: Quantization, energy: float) -> float:
+    """The error that leaves `target_mse` when colours are rounded: to the file's steps, then to 8 bits.
+
+    Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the picture as
+    the colour has `energy` there, which is summed over all colours and a share of the picture's pixels.
+    """
+    loss = (1 + LOSS * 65025 * steps.point**2 * energy) / 12
+    return max(target_mse - loss, LEAST_AIM * target_mse)
+
+
 class Refinement:
     """The refinement loop's state: control points, colours, and the canvas they are on.
 
     points  (n, 2) int64, pixels of the parameter domain, by rows
     colors  (b + n, 3) float64, all unknowns, boundary first
     canvas  the mesh with these points
+    course  prices and errors as the last round went on: see `Placement`
     """
 
     def __init__(
@@ -172,35 +192,38 @@ class Refinement:
         max_points: int,
         on_step: Callable[[Step], None],
         clock: StageClock,
+        start: tuple[Ints, Floats] | None = None,
     ) -> None:
         """`picture` is `(h, w, 3)` in [0, 1], `target_mse` (0-255 scale) the error wanted of its file with
-        these steps; `max_points` bounds the points of one region, 0 lifts the bound."""
+        these steps; `max_points` bounds the points of one region, 0 lifts the bound. `start` are points and
+        colours other than those of the boundary alone."""
         self.foundation = foundation
-        self.points: Ints = np.zeros((0, 2), np.int64)
-        self.colors = boundary_colors
+        self.points, self.colors = start or (np.zeros((0, 2), np.int64), boundary_colors)
+        self.course: list[tuple[float, float]] = []
         self._prior = boundary_colors
         self._picture = picture
         self._truth = picture.reshape(-1, 3)
         self._target_mse = target_mse
-        self._loss = LOSS * 65025 / 12 / len(self._truth) * steps.point**2
+        self._steps = steps
         self._margin = CAREFUL
         self._bias = 1.0
         self._max_points = max_points
         self._on_step = on_step
         self._clock = clock
-        self._blocked = ~room(foundation)
+        self._blocked = ~room(foundation) | (foundation.geometry.triangle_at < 0)
         self._iteration = 0
         self._update()
 
     @property
     def aim(self) -> float:
-        """The error to aim at before colours are rounded: to the file's steps, then to 8 bits.
+        """The error to aim at before colours are rounded."""
+        energy = float(self._fit.energy.sum()) / len(self._truth)
+        return self._margin * error_before_rounding(self._target_mse, self._steps, energy)
 
-        Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
-        picture as the colour has energy there.
-        """
-        loss = 1 / 12 + self._loss * float(self._fit.energy.sum())
-        return self._margin * max(self._target_mse - loss, LEAST_AIM * self._target_mse)
+    @property
+    def fair_aim(self) -> float:
+        """The mean error of a whole picture that is as good as the aim."""
+        return self.aim
 
     @property
     def spare(self) -> float:
@@ -241,7 +264,7 @@ class Refinement:
                 self.points,
                 on_canvas,
                 self._residual,
-                self._truth,
+                self._picture.reshape(-1, 3),
                 self._seats(),
                 self._room(finished),
                 POINT_WEIGHT,
@@ -250,6 +273,7 @@ class Refinement:
             placement.thin_out(int(share * n), finished)
             growth = share if share else GROWTH  # an exchange gives back no more than it takes
             more = placement.grow(goal, int(growth * n + FIRST_POINTS * len(self._truth)) + 4)
+            self.course = placement.course
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
         expected = placement.error
@@ -281,11 +305,16 @@ class Refinement:
         """
         owner = self.foundation.geometry.patch_at().ravel()
         n = len(self.foundation.network.loops)
-        count = np.bincount(self.canvas.patch_of_points(), minlength=n)
-        if not self._max_points or count.max() < self._max_points:
+        if not self.full:
             return np.zeros(n, bool)
         square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
-        return np.asarray(square <= self.aim * np.bincount(owner, minlength=n))
+        return np.asarray(square <= self.fair_aim * np.bincount(owner, minlength=n))[:n]
+
+    @property
+    def full(self) -> bool:
+        """Whether a region has as many points as it may have."""
+        count = np.bincount(self.canvas.patch_of_points(), minlength=1)
+        return bool(self._max_points) and int(count.max()) >= self._max_points
 
     def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
         """Bring the colours closer to the best ones for these control points."""
@@ -306,7 +335,7 @@ class Refinement:
         with self._clock.stage("evaluation"):
             new = seeds(
                 self._residual.reshape(self._picture.shape),
-                self.aim,
+                self.fair_aim,
                 self._blocked,
                 self.foundation.geometry.patch_at(),
                 self._max_points,
@@ -343,7 +372,7 @@ class Refinement:
         with self._clock.stage("evaluation"):
             coverage = self.canvas.coverage(self.canvas.unit[0], np.float32)
         with self._clock.stage("optimization"):
-            self._fit = color_fit(self.canvas, coverage, self._truth)
+            self._fit = self._fitted(coverage)
             del coverage
         self.converge(ROUND_ITERATIONS)
         self._iteration += 1
@@ -353,6 +382,10 @@ class Refinement:
         self._on_step(
             Step(self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown)
         )
+
+    def _fitted(self, coverage: Coverage) -> ColorFit:
+        """The fit of the canvas, which covers the pixels so."""
+        return color_fit(self.canvas, coverage, self._truth)
 
     def _pull(self) -> tuple[Floats, Floats]:
         """What the unknowns are pulled towards, `(b + n, 3)`, and how much, `(b + n,)`."""
