@@ -94,6 +94,15 @@ class Step:
     grown: frozenset[int]
 
 
+@dataclass(frozen=True)
+class Start:
+    """Control points `(n, 2)`, by rows, and all colours `(b + n, 3)` after so many rounds."""
+
+    points: Ints
+    colors: Floats
+    rounds: int
+
+
 def refine_batch(
     foundation: Foundation,
     boundary_colors: Floats,
@@ -105,14 +114,14 @@ def refine_batch(
     effort: int,
     on_step: Callable[[Step], None],
     clock: StageClock,
-    start: tuple[Ints, Floats] | None = None,
+    start: Start | None = None,
 ) -> tuple[bytes, VectorImage]:
     """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
 
     `pixels` is the photo `(h, w, 3)`, and `photo` the same in [0, 1]. `max_points` bounds the points of one
     region, 0 lifts the bound.
-    `effort`, 1 to 9, trades time for fewer points. `start` are control points `(n, 2)`, by rows, and all
-    colours `(b + n, 3)` to start from, where the rounds up to the last exchange have been done.
+    `effort`, 1 to 9, trades time for fewer points. `start` is there where the rounds up to the last
+    exchange have been done.
     """
     state = Refinement(
         foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock, start
@@ -179,7 +188,7 @@ class Refinement:
     points  (n, 2) int64, pixels of the parameter domain, by rows
     colors  (b + n, 3) float64, all unknowns, boundary first
     canvas  the mesh with these points
-    course  prices and errors as the last round went on: see `Placement`
+    bias    the error that greedy placement expected of the last round over what it was
     """
 
     def __init__(
@@ -192,26 +201,26 @@ class Refinement:
         max_points: int,
         on_step: Callable[[Step], None],
         clock: StageClock,
-        start: tuple[Ints, Floats] | None = None,
+        start: Start | None = None,
     ) -> None:
         """`picture` is `(h, w, 3)` in [0, 1], `target_mse` (0-255 scale) the error wanted of its file with
-        these steps; `max_points` bounds the points of one region, 0 lifts the bound. `start` are points and
-        colours other than those of the boundary alone."""
+        these steps; `max_points` bounds the points of one region, 0 lifts the bound.
+        Without a `start` there are no points yet."""
         self.foundation = foundation
-        self.points, self.colors = start or (np.zeros((0, 2), np.int64), boundary_colors)
-        self.course: list[tuple[float, float]] = []
+        start = start or Start(np.zeros((0, 2), np.int64), boundary_colors, 0)
+        self.points, self.colors = start.points, start.colors
         self._prior = boundary_colors
         self._picture = picture
         self._truth = picture.reshape(-1, 3)
         self._target_mse = target_mse
         self._steps = steps
         self._margin = CAREFUL
-        self._bias = 1.0
+        self.bias = 1.0
         self._max_points = max_points
         self._on_step = on_step
         self._clock = clock
         self._blocked = ~room(foundation) | (foundation.geometry.triangle_at < 0)
-        self._iteration = 0
+        self._iteration = start.rounds
         self._update()
 
     @property
@@ -257,7 +266,7 @@ class Refinement:
         n = len(self.points)
         with self._clock.stage("evaluation"):
             finished = self._finished()
-            goal, on_canvas = self._bias * self._to_square(self.aim), self._fit.operator @ self.colors
+            goal, on_canvas = self.bias * self._to_square(self.aim), self._fit.operator @ self.colors
             del self._fit  # large, and no longer needed
             placement = begin_placement(
                 self.canvas,
@@ -273,13 +282,12 @@ class Refinement:
             placement.thin_out(int(share * n), finished)
             growth = share if share else GROWTH  # an exchange gives back no more than it takes
             more = placement.grow(goal, int(growth * n + FIRST_POINTS * len(self._truth)) + 4)
-            self.course = placement.course
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
         expected = placement.error
         del placement
         self._update(new)
-        self._bias = expected / max(self._to_square(self.mse), 1e-12)
+        self.bias = expected / max(self._to_square(self.mse), 1e-12)
         return more
 
     def _seats(self) -> Seats:

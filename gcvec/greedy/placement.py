@@ -44,9 +44,6 @@ NEARLY = 0.85
 MOST_LEVELS = 30
 """Enough is an error within this share of the goal, or so many of the points allowed, or thresholds."""
 
-NEXT = 0.01
-"""The price is what the last of this share of the triangles would save, the best ones first."""
-
 
 @bare_kernel
 def _look(first, last, pixels, weights, residual, under, taken, patch_at, patch, offset, worst, candidate):
@@ -196,7 +193,6 @@ class Placement:
 
     plots   strips of the picture
     error   squared error of the picture as it is, in [0, 1] colours, summed over pixels and channels
-    course  as it grows: the price, which is what the next points would save each, and the error
     """
 
     def __init__(self, plots: list[Plot], seats: Seats, error: float, room: Ints | None, pull: float) -> None:
@@ -208,7 +204,6 @@ class Placement:
         self._room = room
         self._none_full = room is not None and bool(room.all())
         self._pull = pull
-        self.course: list[tuple[float, float]] = []
         self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
         # Where strips overlap each sees its own changes only.
         self.error = 0.0
@@ -251,11 +246,9 @@ class Placement:
         placed = 0
         for _ in range(MOST_LEVELS):
             missing = self.error - goal
-            gain = np.sort(np.concatenate([self._gains(plot) for plot in self.plots]))[::-1]
-            if len(gain):
-                self.course.append((float(gain[int(NEXT * len(gain))]), self.error))
             if missing <= NEAR_ENOUGH * goal or placed >= NEARLY * most:
                 return True
+            gain = np.sort(np.concatenate([self._gains(plot) for plot in self.plots]))[::-1]
             if not len(gain):
                 return False
             wanted = int(EAGER * np.searchsorted(FALL * np.cumsum(gain), missing))
