@@ -1,7 +1,7 @@
 """The task that takes part in the job of another worker.
 
-Its message is acknowledged when it is taken, and nothing depends on it: what is claimed and not done others
-take over.
+Nothing depends on its message: what is claimed and not done others take over. Until it ends it is not
+acknowledged, so that its worker fetches no job that it could not begin.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from worker.workshop import Workshop, workshop
 logger = logging.getLogger(__name__)
 
 
-@app.task(name=ASSIST, acks_late=False)
+@app.task(name=ASSIST, reject_on_worker_lost=False)
 def assist(job_id: str, attempt: int, number: int) -> None:
     """Work on parts of a job's round `number` until none is left, or jobs wait that nobody works on."""
     shop = workshop()
@@ -53,6 +53,7 @@ def _do_part(shop: Workshop, job: Job, attempt: int, number: int, part: int) -> 
     from gcvec.parts.part import refine_part
     from worker.produce import threads
 
+    logger.info("job %s: round %d, part %d, assists attempt %d", job.id, number, part, attempt)
     with _Claim(shop.progress, job.id, attempt, number, part) as claim:
         path = storage.part_path(job.id, attempt, number, part, "request")
         request = request_from(storage.read(shop.store, path))
@@ -63,7 +64,9 @@ def _do_part(shop: Workshop, job: Job, attempt: int, number: int, part: int) -> 
     first = storage.write_once(shop.store, path, data)
     if shop.records.run(end_part(job.id, attempt, number, part)):
         logger.info("job %s: round %d, part %d done for attempt %d", job.id, number, part, attempt)
-    elif first:
+        return
+    logger.info("job %s: round %d, part %d is no longer wanted", job.id, number, part)
+    if first:
         storage.delete(shop.store, path)
 
 

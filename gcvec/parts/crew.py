@@ -89,18 +89,17 @@ def refine_by(
 ) -> Start:
     """All rounds of a picture but the last, in parts; see `gcvec.refine.refine_batch` for what is given."""
     rounds = _Rounds(crew, foundation, boundary_colors, pixels, steps, target_mse, max_points, on_step)
-    first = exchanges(effort, pixels.size)[:1]
     rounds.run((0.0,), FIRST_GOAL * rounds.own_aims())
     for _ in range(MOST_GROWTH_ROUNDS):
         points, before = rounds.n_points, rounds.square
-        rounds.run((0.0, *first), rounds.goals())
+        rounds.run((0.0,), rounds.goals())
         if rounds.square <= NEAR * rounds.aim or not rounds.more:
             break
         if rounds.n_points <= points and rounds.square > LEAST_CHANGE * before:
             break
-    rest = exchanges(effort, rounds.n_points)[1:]
-    if rest:
-        rounds.run(rest, rounds.goals())
+    shares = exchanges(effort, rounds.n_points)
+    if shares:
+        rounds.run(shares, rounds.goals())
     return rounds.merged()
 
 
