@@ -21,7 +21,7 @@ from gcvec.parts.division import Part, divided, part_of
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.parts.part import refine_part
 from gcvec.quantization import Quantization
-from gcvec.refine import CAREFUL, LEAST_CHANGE, NEAR, Start, Step, error_before_rounding, exchanges
+from gcvec.refine import CAREFUL, LEAST_CHANGE, Start, Step, error_before_rounding, exchanges
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -49,7 +49,9 @@ SHARED_ERROR = 3.0
 """In pixels that parts share the mean error comes to about this many times that of the picture: it is larger
 at first, until each part has seen what the others give."""
 
+CLOSE = 1.2
 MOST_GROWTH_ROUNDS = 6
+"""Growth ends within this factor of the aim, or after so many rounds more: exchanges do the rest."""
 
 
 class Crew(Protocol):
@@ -93,7 +95,7 @@ def refine_by(
     for _ in range(MOST_GROWTH_ROUNDS):
         points, before = rounds.n_points, rounds.square
         rounds.run((0.0,), rounds.goals())
-        if rounds.square <= NEAR * rounds.aim or not rounds.more:
+        if rounds.square <= CLOSE * rounds.aim or not rounds.more:
             break
         if rounds.n_points <= points and rounds.square > LEAST_CHANGE * before:
             break
