@@ -23,7 +23,7 @@ from gcvec.parts.messages import PartRequest, PartResult, request_bytes, result_
 from gcvec.parts.part import refine_part
 from gcvec.refine import Step
 from worker import storage
-from worker.app import ASSIST, app
+from worker.app import ASSIST, JOBS_QUEUE, app
 from worker.attempt import Attempt
 from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key
 from worker.records import Job
@@ -32,6 +32,15 @@ from worker.workshop import Workshop
 logger = logging.getLogger(__name__)
 
 _LOOK_SECONDS: Final = 0.2
+
+
+def crew_for(shop: Workshop, job: Job, attempt: Attempt) -> FanOut | None:
+    """Who may take part in a job. Nobody while others wait: workers have enough to do, and parts take more
+    time than a whole."""
+    try:
+        return None if shop.progress.client.llen(JOBS_QUEUE) else FanOut(shop, job, attempt)
+    except redis.RedisError:
+        return None
 
 
 class FanOut:

@@ -70,7 +70,7 @@ def _attempt(shop: Workshop, job: Job) -> None:
 
 def _run(shop: Workshop, job: Job) -> Manifest:
     """Compute and store the results; return the manifest in force, ours or that of a faster attempt."""
-    from worker.fan_out import FanOut
+    from worker.fan_out import crew_for
     from worker.produce import produce
 
     settings = shop.settings
@@ -81,7 +81,7 @@ def _run(shop: Workshop, job: Job) -> Manifest:
     with Attempt(
         shop.progress, job.id, job.attempt, seconds=settings.job_seconds, retention=retention
     ) as attempt:
-        crew = FanOut(shop, job, attempt)
+        crew = crew_for(shop, job, attempt)
         product = produce(image, annotations, job.request, settings, attempt.on_progress, crew)
         files = {name: _store(shop, job, name, data) for name, data in product.artifacts.items()}
         attempt.check()
