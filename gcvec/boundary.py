@@ -67,13 +67,18 @@ class Curve:
 @dataclass(frozen=True)
 class Network:
     """All boundary curves of a picture. `loops[r]` bounds region r; `n_nodes` counts junctions and
-    corners."""
+    corners.
+
+    Where they bound only a part of a larger picture, `origin` is the column and row at which its frame
+    begins there; its patches need not tile that.
+    """
 
     width: int
     height: int
     n_nodes: int
     curves: tuple[Curve, ...]
     loops: tuple[tuple[Loop, ...], ...]
+    origin: tuple[int, int] | None = None
 
     @cached_property
     def family(self) -> SplineFamily:

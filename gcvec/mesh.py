@@ -64,14 +64,16 @@ def patch_mesh(mesh: Mesh, patch: int) -> tuple[Mesh, Ints]:
     return part, kept
 
 
-def jitter(points: NDArray[np.int64]) -> Floats:
+def jitter(points: NDArray[np.int64], origin: tuple[int, int] = (0, 0)) -> Floats:
     """Positions `(n, 2)` in the parameter domain of the control points of pixels `(n, 2)` (x, y).
 
     A control point sits at its pixel's centre, moved by less than a twentieth of a pixel by a hash of the
     pixel's
-    coordinates, so that no four of them lie on one circle and the Delaunay triangulation is unique.
+    coordinates, so that no four of them lie on one circle and the Delaunay triangulation is unique. In a
+    part of a picture that begins at `origin` they are those of the whole.
     """
-    return np.asarray(_jitter(np.asarray(points, np.int64)))
+    begin = np.array(origin, np.int64)
+    return np.asarray(_jitter(np.asarray(points, np.int64) + begin) - begin)
 
 
 @njit(cache=True, nogil=True)
@@ -94,12 +96,13 @@ def _jitter(points):
     return result
 
 
-def free_points(sites: Floats, width: int, height: int) -> Floats:
+def free_points(sites: Floats, width: int, height: int, origin: tuple[int, int] = (0, 0)) -> Floats:
     """Steiner points `(n, 2)` graded by the distance to the nearest of the `sites` `(k, 2)`.
 
     A quadtree cell is clear when no site lies in it or its eight neighbours. Every clear cell without a
     clear parent gets
-    a point in its middle. Cells and the test are integers, so the points are the same everywhere.
+    a point in its middle. Cells and the test are integers, so the points are the same everywhere. In a part
+    of a picture they are those of the whole, if its `origin` is one of the coarsest cells.
     """
     size = FINEST_CELL
     columns, rows = -(-width // size), -(-height // size)
@@ -126,7 +129,7 @@ def free_points(sites: Floats, width: int, height: int) -> Floats:
         cell = size << level
         centre = np.stack([xs, ys], axis=1) * cell + cell // 2
         found.append(centre[(centre[:, 0] < width) & (centre[:, 1] < height)])
-    return jitter(np.concatenate(found))
+    return jitter(np.concatenate(found), origin)
 
 
 def _dilated(taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -139,16 +142,27 @@ def build_mesh(
     network: Network, samples: BoundarySamples, points: NDArray[np.int64], *, free: bool = True
 ) -> Mesh:
     """The canonical mesh of a picture with control points at pixels `points` `(n, 2)`."""
-    sites = np.concatenate([samples.domain, jitter(points)])
+    origin = network.origin or (0, 0)
+    sites = np.concatenate([samples.domain, jitter(points, origin)])
     if free:
-        sites = np.concatenate([sites, free_points(sites, network.width, network.height)])
+        sites = np.concatenate([sites, free_points(sites, network.width, network.height, origin)])
     triangles, neighbours = constrained_delaunay(sites, samples.segments)
     right, left = network.sides[samples.segment_curve].T
     patch = _patch_of_triangles(triangles, neighbours, samples.segments, left, right, len(sites))
+    if network.origin is not None:
+        sites, triangles, patch = _inside(sites, triangles, patch, len(samples) + len(points))
     # Row by row, so that what is near in the picture is near in memory.
     row = sites[triangles, 1].sum(axis=1).astype(np.int16 if network.height < 10_000 else np.int32)
     order = np.argsort(row, kind="stable")
     return Mesh(sites, triangles[order], patch[order], len(samples), len(points))
+
+
+def _inside(sites: Floats, triangles: Ints, patch: Ints, first_free: int) -> tuple[Floats, Ints, Ints]:
+    """The mesh without the triangles of no patch, nor the free points there."""
+    triangles, patch = triangles[patch >= 0], patch[patch >= 0]
+    used = np.arange(len(sites)) < first_free
+    used[triangles] = True
+    return sites[used], (np.cumsum(used) - 1)[triangles], patch
 
 
 def constrained_delaunay(vertices: Floats, segments: Ints) -> tuple[Ints, Ints]:

@@ -146,8 +146,10 @@ class Geometry:
         return replace(self, image=_image(samples, self.blend, control_points))
 
     def patch_at(self) -> Ints:
-        """`(h, w) int64`: the patch whose parameter domain holds each pixel centre."""
-        return np.asarray(self.mesh.patch[self.triangle_at])
+        """`(h, w) int64`: the patch whose parameter domain holds each pixel centre; in a part of a picture
+        one more than there are where none does."""
+        nowhere = self.mesh.patch.max() + 1
+        return np.asarray(np.append(self.mesh.patch, nowhere)[self.triangle_at])
 
 
 def geometry(network: Network, samples: BoundarySamples, control_points: Floats) -> Geometry:

@@ -20,6 +20,7 @@ from gcvec.metrics import Report, compare
 from gcvec.options import Options
 from gcvec.parallel import use_workers
 from gcvec.partition import Partition, partition
+from gcvec.parts.crew import Crew, refine_by
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
@@ -44,12 +45,14 @@ def vectorize(
     annotations: Annotations | None = None,
     options: Options | None = None,
     on_progress: OnProgress | None = None,
+    crew: Crew | None = None,
 ) -> VectorImage:
     """Vectorize a photo `(h, w, 3) uint8`.
 
     Without annotations the regions are found automatically. `on_progress` hears of every stage and every
     refinement
-    iteration; an exception it raises ends the run. Raises `InputError` for regions that cannot be used.
+    iteration; an exception it raises ends the run. A `crew` refines the picture in parts, if it has several
+    regions and the strategy is "batch". Raises `InputError` for regions that cannot be used.
     """
     options = options or Options()
     start = time.perf_counter()
@@ -86,8 +89,14 @@ def vectorize(
         bounds = (draft, target_mse, options.max_points)
         if options.strategy == "paper":
             return refine_paper(foundation, boundary_colors, pixels, *bounds, tell.iteration, clock)
+        start = None
+        if crew is not None and len(foundation.network.loops) > 1:
+            known = (foundation, boundary_colors, pixels, draft.steps)
+            wanted = (target_mse, options.max_points, options.effort)
+            with clock.stage("parts"):
+                start = refine_by(crew, *known, *wanted, tell.iteration)
         given = (foundation, boundary_colors, pixels, photo)
-        return refine_batch(*given, *bounds, options.effort, tell.iteration, clock)
+        return refine_batch(*given, *bounds, options.effort, tell.iteration, clock, start)
 
     if options.target_bytes:
         data, image = refine_to_bytes(refined, options.target_bytes)

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation, lay_unfolded_canvas
 from gcvec.clearance import room
-from gcvec.color_fit import color_fit
+from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import Draft, by_rows, measured_mse
 from gcvec.greedy import begin_placement
 from gcvec.greedy.seats import Seats, seats
 from gcvec.least_squares import solve, solve_bounded
 from gcvec.quantization import Quantization
+from gcvec.raster import Coverage
 from gcvec.seeding import seeds
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -44,8 +45,8 @@ first guess, until a file has been made."""
 
 LANDING = 0.15
 LEAST_SPARE = 0.03
-"""At the end no more than this share of the points is taken out to land on the target, and no fewer; with the
-least effort none."""
+"""At the end no more than this share of the points is taken out to land on the target, and no fewer; with
+little effort none."""
 
 CAREFUL = 0.98
 MORE_CAREFUL = 0.995
@@ -88,6 +89,10 @@ FINAL_SWEEPS = 2
 may take some sweeps to find the colours that stay at their bounds."""
 
 
+GROWTH = 3.0
+"""A round adds this many times the points there are, at most."""
+
+
 class Effort(NamedTuple):
     """What is done for fewer points.
 
@@ -103,14 +108,14 @@ class Effort(NamedTuple):
 
 EFFORTS = {
     1: Effort(6.0, ()),
-    2: Effort(3.0, ()),
-    3: Effort(3.0, (0.2,)),
-    4: Effort(3.0, (0.15, 0.1)),
-    5: Effort(3.0, (0.2, 0.1)),
-    6: Effort(3.0, (0.2, 0.15, 0.1, 0.1)),
-    7: Effort(3.0, (0.25, 0.2, 0.2, 0.15, 0.1, 0.1)),
-    8: Effort(3.0, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1)),
-    9: Effort(3.0, (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.05)),
+    2: Effort(GROWTH, ()),
+    3: Effort(GROWTH, (0.2,)),
+    4: Effort(GROWTH, (0.15, 0.1)),
+    5: Effort(GROWTH, (0.2, 0.1)),
+    6: Effort(GROWTH, (0.2, 0.15, 0.1, 0.1)),
+    7: Effort(GROWTH, (0.25, 0.2, 0.2, 0.15, 0.1, 0.1)),
+    8: Effort(GROWTH, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1)),
+    9: Effort(GROWTH, (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.05)),
 }
 
 FEW = 10_000
@@ -130,6 +135,15 @@ class Step:
     grown: frozenset[int]
 
 
+@dataclass(frozen=True)
+class Start:
+    """Control points `(n, 2)`, by rows, and all colours `(b + n, 3)` after so many rounds."""
+
+    points: Ints
+    colors: Floats
+    rounds: int
+
+
 def refine_batch(
     foundation: Foundation,
     boundary_colors: Floats,
@@ -141,15 +155,17 @@ def refine_batch(
     effort: int,
     on_step: Callable[[Step], None],
     clock: StageClock,
+    start: Start | None = None,
 ) -> tuple[bytes, VectorImage]:
     """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
 
     `pixels` is the photo `(h, w, 3)`, and `photo` the same in [0, 1]. `max_points` bounds the points of one
     region, 0 lifts the bound.
-    `effort`, 1 to 9, trades time for fewer points.
+    `effort`, 1 to 9, trades time for fewer points. `start` is there where the rounds up to the last
+    exchange have been done.
     """
     state = Refinement(
-        foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock
+        foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock, start
     )
 
     def filed() -> tuple[bytes, VectorImage, float]:
@@ -157,28 +173,49 @@ def refine_batch(
             data, image = draft.file(state.canvas, state.points, state.colors)
             return data, image, measured_mse(image, pixels)
 
-    growth, exchanges = EFFORTS[effort]
-    state.seed()
-    more = state.grow(growth)
-    if exchanges:
-        _, _, mse = filed()
-        state.learn(mse)
-        if len(state.points) < FEW:
-            exchanges += MORE_EXCHANGES
-    for share in exchanges:
-        more = state.turn_over(share)
+    more = True
+    if start is None:
+        state.seed()
+        more = state.grow(EFFORTS[effort].growth)
+        shares = exchanges(effort, len(state.points))
+        if shares:
+            _, _, mse = filed()
+            state.learn(mse)
+        for share in shares:
+            more = state.turn_over(share)
     state.settle()
-    if exchanges and state.spare > LEAST_SPARE:
-        more = state.turn_over(min(state.spare, LANDING))
-        state.settle()
-    for retries in reversed(range(RETRIES)):
-        data, image, mse = filed()
-        if mse <= target_mse or not more or not retries:
-            break
+    data, image, mse = filed()
+    for attempt in range(RETRIES):
         state.learn(mse)
-        more = state.catch_up()
+        if mse > target_mse and more:
+            more = state.catch_up()
+        elif attempt == 0 and EFFORTS[effort].exchanges and state.spare > LEAST_SPARE:
+            more = state.turn_over(min(state.spare, LANDING))
+        else:
+            break
         state.settle()
+        data, image, mse = filed()
     return data, image
+
+
+def exchanges(effort: int, points: int) -> tuple[float, ...]:
+    """The shares that an effort means for a picture that has grown to so many points."""
+    shares = EFFORTS[effort].exchanges
+    return shares + MORE_EXCHANGES if shares and points < FEW else shares
+
+
+def error_before_rounding(target_mse: float, steps: Quantization, energy: float, loss: float = LOSS) -> float:
+    """The error that leaves `target_mse` when colours are rounded."""
+    return max(target_mse - rounding_error(steps, energy, loss), LEAST_AIM * target_mse)
+
+
+def rounding_error(steps: Quantization, energy: float, loss: float) -> float:
+    """Error that rounding adds, to the file's steps and then to 8 bits.
+
+    Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the picture as
+    the colour has `energy` there, which is summed over all colours and a share of the picture's pixels.
+    """
+    return (1 + loss * 65025 * steps.point**2 * energy) / 12
 
 
 class Refinement:
@@ -187,6 +224,7 @@ class Refinement:
     points  (n, 2) int64, pixels of the parameter domain, by rows
     colors  (b + n, 3) float64, all unknowns, boundary first
     canvas  the mesh with these points
+    bias    the error that greedy placement expected of the last round over what it was
     """
 
     def __init__(
@@ -199,39 +237,43 @@ class Refinement:
         max_points: int,
         on_step: Callable[[Step], None],
         clock: StageClock,
+        start: Start | None = None,
     ) -> None:
         """`picture` is `(h, w, 3)` in [0, 1], `target_mse` (0-255 scale) the error wanted of its file with
-        these steps; `max_points` bounds the points of one region, 0 lifts the bound."""
+        these steps; `max_points` bounds the points of one region, 0 lifts the bound.
+        Without a `start` there are no points yet."""
         self.foundation = foundation
-        self.points: Ints = np.zeros((0, 2), np.int64)
-        self.colors = boundary_colors
+        start = start or Start(np.zeros((0, 2), np.int64), boundary_colors, 0)
+        self.points, self.colors = start.points, start.colors
         self._prior = boundary_colors
         self._picture = picture
         self._truth = picture.reshape(-1, 3)
         self._target_mse = target_mse
-        self._loss = LOSS * 65025 / 12 / len(self._truth) * steps.point**2
+        self._steps = steps
+        self._loss = LOSS
         self._margin = CAREFUL
-        self._bias = 1.0
+        self.bias = 1.0
         self._max_points = max_points
         self._on_step = on_step
         self._clock = clock
-        self._blocked = ~room(foundation)
-        self._iteration = 0
+        self._blocked = ~room(foundation) | (foundation.geometry.triangle_at < 0)
+        self._iteration = start.rounds
         self._update()
 
     @property
     def aim(self) -> float:
-        """The error to aim at before colours are rounded: to the file's steps, then to 8 bits.
-
-        Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
-        picture as the colour has energy there.
-        """
-        return self._margin * max(self._target_mse - self._rounding, LEAST_AIM * self._target_mse)
+        """The error to aim at before colours are rounded."""
+        return self._margin * error_before_rounding(self._target_mse, self._steps, self._energy, self._loss)
 
     @property
-    def _rounding(self) -> float:
-        """Error that rounding adds, as far as is known."""
-        return 1 / 12 + self._loss * float(self._fit.energy.sum())
+    def fair_aim(self) -> float:
+        """The mean error of a whole picture that is as good as the aim."""
+        return self.aim
+
+    @property
+    def _energy(self) -> float:
+        """What all colours give to a pixel, in squares."""
+        return float(self._fit.energy.sum()) / len(self._truth)
 
     @property
     def spare(self) -> float:
@@ -241,7 +283,8 @@ class Refinement:
     def learn(self, mse: float) -> None:
         """See what rounding costs: a file of the picture as it is has the error `mse`."""
         missed_by = mse / self._target_mse * self.aim / max(self.mse, 1e-9)
-        self._loss *= max((mse - self.mse) / self._rounding, LEAST_LESSON)
+        expected = rounding_error(self._steps, self._energy, self._loss)
+        self._loss *= max((mse - self.mse) / expected, LEAST_LESSON)
         if mse > self._target_mse:
             self._margin *= MORE_CAREFUL / max(missed_by, 1.0)
 
@@ -268,10 +311,10 @@ class Refinement:
         After a round of growth the error is often a little lower than its placement foresaw; after one that
         places few points it is not.
         """
-        self._bias = min(self._bias, 1.0) * SETTLED
+        self.bias = min(self.bias, 1.0) * SETTLED
         return self.turn_over(0.0)
 
-    def turn_over(self, share: float, growth: float = 1.0) -> bool:
+    def turn_over(self, share: float, growth: float = GROWTH) -> bool:
         """One round: take out the least useful `share` of the control points, and place as many new ones as
         the aim asks for: no more than were taken, or where none were `growth` times as many as there are.
         False when no more points help.
@@ -279,7 +322,7 @@ class Refinement:
         n = len(self.points)
         with self._clock.stage("evaluation"):
             finished = self._finished()
-            goal = self._bias * self._to_square(self.aim / SETTLED)
+            goal = self.bias * self._to_square(self.aim / SETTLED)
             on_canvas = self._fit.operator @ self.colors
             del self._fit  # large, and no longer needed
             placement = begin_placement(
@@ -287,7 +330,7 @@ class Refinement:
                 self.points,
                 on_canvas,
                 self._residual,
-                self._truth,
+                self._picture.reshape(-1, 3),
                 self._seats(),
                 self._room(finished),
                 POINT_WEIGHT,
@@ -301,7 +344,7 @@ class Refinement:
         expected = placement.error
         del placement
         self._update(new)
-        self._bias = expected / max(self._to_square(self.mse), 1e-12)
+        self.bias = expected / max(self._to_square(self.mse), 1e-12)
         return more
 
     def _seats(self) -> Seats:
@@ -327,11 +370,16 @@ class Refinement:
         """
         owner = self.foundation.geometry.patch_at().ravel()
         n = len(self.foundation.network.loops)
-        count = np.bincount(self.canvas.patch_of_points(), minlength=n)
-        if not self._max_points or count.max() < self._max_points:
+        if not self.full:
             return np.zeros(n, bool)
         square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
-        return np.asarray(square <= self.aim * np.bincount(owner, minlength=n))
+        return np.asarray(square <= self.fair_aim * np.bincount(owner, minlength=n))[:n]
+
+    @property
+    def full(self) -> bool:
+        """Whether a region has as many points as it may have."""
+        count = np.bincount(self.canvas.patch_of_points(), minlength=1)
+        return bool(self._max_points) and int(count.max()) >= self._max_points
 
     def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
         """Bring the colours closer to the best ones for these control points."""
@@ -352,7 +400,7 @@ class Refinement:
         with self._clock.stage("evaluation"):
             new = seeds(
                 self._residual.reshape(self._picture.shape),
-                self.aim,
+                self.fair_aim,
                 self._blocked,
                 self.foundation.geometry.patch_at(),
                 self._max_points,
@@ -389,7 +437,7 @@ class Refinement:
         with self._clock.stage("evaluation"):
             coverage = self.canvas.coverage(self.canvas.unit[0], np.float32)
         with self._clock.stage("optimization"):
-            self._fit = color_fit(self.canvas, coverage, self._truth)
+            self._fit = self._fitted(coverage)
             del coverage
         self.converge(ROUND_ITERATIONS)
         self._iteration += 1
@@ -399,6 +447,10 @@ class Refinement:
         self._on_step(
             Step(self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown)
         )
+
+    def _fitted(self, coverage: Coverage) -> ColorFit:
+        """The fit of the canvas, which covers the pixels so."""
+        return color_fit(self.canvas, coverage, self._truth)
 
     def _pull(self) -> tuple[Floats, Floats]:
         """What the unknowns are pulled towards, `(b + n, 3)`, and how much, `(b + n,)`."""

@@ -19,17 +19,21 @@ JOBS_QUEUE: Final = "gcvec-jobs"
 """Jobs: they run for seconds to minutes."""
 SHORT_QUEUE: Final = "gcvec-short"
 """Exports, edits and removals: somebody waits for them, so they do not wait behind jobs."""
+PARTS_QUEUE: Final = "gcvec-parts"
+"""Invitations to take part in a job: for the workers of jobs, which take none while jobs wait."""
 HOOKS_QUEUE: Final = "gcvec-webhooks"
 """Calls to webhooks: they wait for strangers, so nothing of ours waits behind them."""
 QUEUES: Final = (JOBS_QUEUE, SHORT_QUEUE, HOOKS_QUEUE)
+"""Those that workers are told to serve; who serves jobs takes invitations too."""
 
 VECTORIZE: Final = "gcvec.vectorize"
+ASSIST: Final = "gcvec.assist"
 EXPORT: Final = "gcvec.export"
 EDIT: Final = "gcvec.edit"
 REMOVE: Final = "gcvec.remove"
 TIDY: Final = "gcvec.tidy"
 DELIVER: Final = "gcvec.deliver"
-ROUTES: Final = {VECTORIZE: JOBS_QUEUE, DELIVER: HOOKS_QUEUE} | dict.fromkeys(
+ROUTES: Final = {VECTORIZE: JOBS_QUEUE, ASSIST: PARTS_QUEUE, DELIVER: HOOKS_QUEUE} | dict.fromkeys(
     (EXPORT, EDIT, REMOVE, TIDY), SHORT_QUEUE
 )
 
@@ -39,11 +43,13 @@ _HARD_LIMIT_MARGIN: Final = 60.0
 def create_celery(settings: Settings) -> Celery:
     """The application on this broker. Records and leases carry all state: no results are kept in Celery."""
     app = Celery(
-        "gcvec", broker=settings.broker_url, include=["worker.tasks", "worker.short_tasks", "worker.delivery"]
+        "gcvec",
+        broker=settings.broker_url,
+        include=["worker.tasks", "worker.assist", "worker.short_tasks", "worker.delivery"],
     )
     hard_limit = settings.job_seconds + _HARD_LIMIT_MARGIN
     app.conf.update(
-        task_queues=[Queue(name, Exchange(name), routing_key=name) for name in QUEUES],
+        task_queues=[Queue(name, Exchange(name), routing_key=name) for name in (*QUEUES, PARTS_QUEUE)],
         task_default_queue=JOBS_QUEUE,
         task_routes={task: {"queue": queue} for task, queue in ROUTES.items()},
         task_ignore_result=True,
@@ -87,7 +93,9 @@ def _begin(sender: Any, **_: Any) -> None:
     Only the workers that run jobs load it: on a new machine kernels are compiled here, best by one at a time.
     """
     tracing.start("gcvec-worker")
-    if JOBS_QUEUE in sender.app.amqp.queues.consume_from:
+    queues = sender.app.amqp.queues
+    if JOBS_QUEUE in queues.consume_from:
+        queues.select_add(queues[PARTS_QUEUE])
         from worker.warmup import warm_up
 
         warm_up()

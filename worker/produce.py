@@ -11,8 +11,9 @@ from gcvec import Options, vectorize
 from gcvec.errors import pointing_at
 from gcvec.export import error_map, patch_overlay
 from gcvec.export.png import png
-from gcvec.io import check_size, matte_from, read_annotations, read_picture
+from gcvec.io import Picture, check_size, matte_from, read_annotations, read_picture
 from gcvec.metrics import Report, compare
+from gcvec.parts.crew import Crew
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
 
@@ -32,22 +33,25 @@ def produce(
     request: Mapping[str, Any],
     settings: Settings,
     on_progress: OnProgress,
+    crew: Crew | None = None,
 ) -> Product:
-    """Vectorize an uploaded picture. Raises gcvec.InputError, and whatever `on_progress` raises."""
+    """Vectorize an uploaded picture, with the help of a crew if it is large.
+
+    Raises gcvec.InputError, and whatever `on_progress` and the crew raise.
+    """
     bounds = limits(settings)
-    matte = matte_from(request.get("matte") or settings.matte)
-    with pointing_at("/image"):
-        picture = read_picture(image, limits=bounds, matte=matte)
+    picture = read_photo(image, request, settings)
     names = {name: request[name] for name in ("image_name", "picture_name")}
-    options = Options(**request["options"])
-    threads = min(options.workers or settings.job_threads, settings.job_threads)
+    options = replace(Options(**request["options"]), workers=threads(request, settings))
+    n_pixels = picture.pixels.shape[0] * picture.pixels.shape[1]
+    large = 0 < settings.fan_out_megapixels < n_pixels / 1e6
     with pointing_at("/image" if annotations is None else "/annotations"):
         regions = None
         if annotations is not None:
             regions = read_annotations(annotations, **names, limits=bounds)
             height, width = picture.pixels.shape[:2]
             check_size(regions, width, height)
-        result = vectorize(picture.pixels, regions, replace(options, workers=threads), on_progress)
+        result = vectorize(picture.pixels, regions, options, on_progress, crew if large else None)
     encoded = result.to_bytes()
     report = result.report or compare(picture.pixels, result, len(encoded))
     warnings = (*picture.warnings, *result.warnings)
@@ -60,6 +64,19 @@ def produce(
         "patches": png(patch_overlay(result)),
     }
     return Product(artifacts, warnings, _totals(report))
+
+
+def read_photo(image: bytes, request: Mapping[str, Any], settings: Settings) -> Picture:
+    """An uploaded picture. Raises gcvec.InputError."""
+    matte = matte_from(request.get("matte") or settings.matte)
+    with pointing_at("/image"):
+        return read_picture(image, limits=limits(settings), matte=matte)
+
+
+def threads(request: Mapping[str, Any], settings: Settings) -> int:
+    """How many threads a job gets."""
+    wanted: int = request["options"].get("workers", 0)
+    return min(wanted or settings.job_threads, settings.job_threads)
 
 
 def _totals(report: Report) -> dict[str, float]:

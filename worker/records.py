@@ -332,6 +332,11 @@ class JobRecords:
     def __init__(self, client: redis.Redis) -> None:
         self._client = client
 
+    @property
+    def client(self) -> redis.Redis:
+        """The connection."""
+        return self._client
+
     def run(self, call: Call) -> int:
         """Run one of this module's steps."""
         return int(self._client.register_script(call.script)(keys=call.keys, args=call.args))

@@ -81,6 +81,10 @@ class Settings(BaseSettings):
         default=4_000_000_000, gt=0, description="most memory of one worker process"
     )
     job_attempts: int = Field(default=3, gt=0, description="how often a job is started before it is given up")
+    fan_out_megapixels: float = Field(
+        default=8, ge=0, description="larger pictures are shared out over workers by region; 0: none are"
+    )
+    fan_out_parts: int = Field(default=4, ge=2, le=64, description="parts of a picture that is shared out")
     job_threads: int = Field(default=1, gt=0, description="most threads one job may use")
 
     @field_validator("api_keys", "cors_origins", "webhook_pauses", mode="before")

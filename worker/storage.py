@@ -2,6 +2,7 @@
 
 jobs/ID/input/image, annotations     what was uploaded
 jobs/ID/attempt-N/...                what attempt N wrote; invisible until the manifest names it
+jobs/ID/attempt-N/round-R/P.request, P.result   part P of a picture that is shared out, while it is
 jobs/ID/manifest.json                the commit: created once, by the first attempt that is complete
 jobs/ID/revisions/R/...              what an edit made, again with a manifest; R is 1, 2, …; 0 is the original
 jobs/ID/revisions/R/derived/...      made of revision R on demand: NAME, and NAME.json once it is whole
@@ -96,6 +97,15 @@ def attempt_folder(job_id: str, attempt: int) -> str:
     return f"{job_folder(job_id)}/attempt-{attempt}"
 
 
+def round_folder(job_id: str, attempt: int, number: int) -> str:
+    return f"{attempt_folder(job_id, attempt)}/round-{number}"
+
+
+def part_path(job_id: str, attempt: int, number: int, part: int, kind: str) -> str:
+    """Where the "request" or "result" of a part lies in a round of an attempt."""
+    return f"{round_folder(job_id, attempt, number)}/{part}.{kind}"
+
+
 def revision_folder(job_id: str, revision: int) -> str:
     return f"{job_folder(job_id)}/revisions/{revision}"
 
@@ -120,6 +130,21 @@ def write(store: ObjectStore, path: str, data: bytes, media_type: str = _BYTES) 
     else:
         obstore.put(store, path, data, attributes={"Content-Type": media_type})
     return StoredFile(path, len(data), hashlib.sha256(data).hexdigest())
+
+
+def write_once(store: ObjectStore, path: str, data: bytes) -> bool:
+    """Store `data` at `path` unless something is there; whether nothing was."""
+    try:
+        obstore.put(store, path, data, mode="create")
+    except AlreadyExistsError:
+        return False
+    return True
+
+
+def delete(store: ObjectStore, path: str) -> None:
+    """Delete the file at `path`; nothing there is fine."""
+    with suppress(FileNotFoundError):
+        obstore.delete(store, path)
 
 
 def direct_link(store: ObjectStore, path: str, seconds: int) -> str | None:
@@ -148,11 +173,7 @@ def read_manifest(store: ObjectStore, job_id: str, revision: int = 0) -> Manifes
 
 def commit(store: ObjectStore, job_id: str, manifest: Manifest, revision: int = 0) -> bool:
     """Make a result visible, all at once; False if another attempt has done so before."""
-    try:
-        obstore.put(store, manifest_path(job_id, revision), manifest.to_json(), mode="create")
-    except AlreadyExistsError:
-        return False
-    return True
+    return write_once(store, manifest_path(job_id, revision), manifest.to_json())
 
 
 def write_derived(

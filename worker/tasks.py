@@ -70,6 +70,7 @@ def _attempt(shop: Workshop, job: Job) -> None:
 
 def _run(shop: Workshop, job: Job) -> Manifest:
     """Compute and store the results; return the manifest in force, ours or that of a faster attempt."""
+    from worker.fan_out import crew_for
     from worker.produce import produce
 
     settings = shop.settings
@@ -80,7 +81,8 @@ def _run(shop: Workshop, job: Job) -> Manifest:
     with Attempt(
         shop.progress, job.id, job.attempt, seconds=settings.job_seconds, retention=retention
     ) as attempt:
-        product = produce(image, annotations, job.request, settings, attempt.on_progress)
+        crew = crew_for(shop, job, attempt)
+        product = produce(image, annotations, job.request, settings, attempt.on_progress, crew)
         files = {name: _store(shop, job, name, data) for name, data in product.artifacts.items()}
         attempt.check()
         manifest = Manifest(job.attempt, files, product.warnings, product.totals)
@@ -148,4 +150,5 @@ def _fail(shop: Workshop, job: Job, reason: Problem) -> None:
     ended = finish(job.id, "failed", retention=retention, attempt=job.attempt, error=reason)
     if shop.records.run(ended):
         logger.info("job %s: failed: %s", job.id, reason.type)
-    storage.delete_folder(shop.store, storage.attempt_folder(job.id, job.attempt))
+    for number in range(1, job.attempt + 1):
+        storage.delete_folder(shop.store, storage.attempt_folder(job.id, number))

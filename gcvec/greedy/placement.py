@@ -153,7 +153,8 @@ def _place(plot, seats, t, holes, pull):
     if seats.taken[at]:
         return 0
     v = plot.counts[VERTICES]
-    x, y = jittered(at % seats.width, at // seats.width)
+    x, y = jittered(at % seats.width + seats.column, at // seats.width + seats.row)
+    x, y = x - seats.column, y - seats.row
     plot.domain[v, 0], plot.domain[v, 1] = x, y
     plot.image[v, 0], plot.image[v, 1] = image_of(seats, x, y, at)
     a, b, c = plot.triangles[t, 0], plot.triangles[t, 1], plot.triangles[t, 2]

@@ -26,6 +26,7 @@ class Seats(NamedTuple):
     domain       (v, 2) float64, its vertices
     image        (v, 2) float64, where S takes them
     width        columns of the picture
+    column, row  of the whole picture where this one, a part of it, begins
     """
 
     under: NDArray[np.int32]
@@ -36,12 +37,15 @@ class Seats(NamedTuple):
     domain: Floats
     image: Floats
     width: int
+    column: int
+    row: int
 
 
 def seats(foundation: Foundation, blocked: NDArray[np.bool_]) -> Seats:
     """The seats of a foundation, those of the pixels `blocked` `(h, w)` taken."""
     geometry = foundation.geometry
     height, width = blocked.shape
+    column, row = foundation.network.origin or (0, 0)
     triangle_at = geometry.triangle_at.ravel()
     patch = geometry.mesh.patch.astype(np.int32)[triangle_at]
     found = Seats(
@@ -53,6 +57,8 @@ def seats(foundation: Foundation, blocked: NDArray[np.bool_]) -> Seats:
         geometry.mesh.vertices,
         geometry.image,
         width,
+        column,
+        row,
     )
     _look_under(found)
     return found

@@ -16,6 +16,7 @@ from skimage import data
 
 from gcvec import Options, vectorize
 from gcvec.io import read_annotations
+from gcvec.parts.crew import Alone
 from worker.warmup import warm_up
 
 
@@ -29,7 +30,8 @@ before = known()
 assert len(before) > 40, before
 drawn = read_annotations(Path("examples/sample/chelsea.xml").read_bytes(), picture_name="chelsea.png")
 for regions in (drawn, None):
-    vectorize(data.chelsea(), regions, Options(target_mse=60)).render(2)
+    for crew in (None, Alone(3)):
+        vectorize(data.chelsea(), regions, Options(target_mse=60), None, crew).render(2)
 print(sorted(known() - before))
 """
 

@@ -1,0 +1,317 @@
+"""The rounds of a picture whose parts are refined by a crew.
+
+Points go where they buy most if a further one saves the same in every part. A part with n points has an error
+of about E n^-k; E and k are known from how its error fell as it grew. So a further point saves k E n^-(k+1),
+and at one such price the errors of all parts add up to what the picture aims at. It tells the error that each
+part has to come to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.canonical import Foundation
+from gcvec.draft import by_rows
+from gcvec.parts.division import Part, divided, part_of
+from gcvec.parts.messages import PartRequest, PartResult
+from gcvec.parts.part import refine_part
+from gcvec.quantization import Quantization
+from gcvec.refine import CAREFUL, LEAST_CHANGE, Start, Step, error_before_rounding, exchanges
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FIRST_GOAL = 1.5
+"""The first round ends, in parts that come so far, with this many times the error that the picture aims at:
+no part has then more points than it will need."""
+
+USUAL_ENERGY = 0.5
+"""Of colours in a pixel."""
+
+USUAL_POWER = 1.0
+POWERS = 0.4, 2.0
+"""k, until a part has grown by the factor `TELLING`, and its bounds."""
+
+TELLING = 1.5
+
+RANGE = 20.0
+"""The common price lies within this factor's exponent of what the parts' prices are."""
+
+FARTHEST = 20.0
+"""No part is sent to an error that differs by more than this factor from the one it has."""
+
+SHARED_ERROR = 3.0
+"""In pixels that parts share the mean error comes to about this many times that of the picture: it is larger
+at first, until each part has seen what the others give."""
+
+CLOSE = 1.2
+MOST_GROWTH_ROUNDS = 6
+"""Growth ends within this factor of the aim, or after so many rounds more: exchanges do the rest."""
+
+
+class Crew(Protocol):
+    """Whoever refines parts.
+
+    parts  into how many a picture is divided
+    """
+
+    @property
+    def parts(self) -> int: ...
+
+    def __call__(self, requests: Sequence[PartRequest], pixels: NDArray[np.uint8]) -> Iterable[PartResult]:
+        """The results of `gcvec.parts.part.refine_part` for all requests, in any order."""
+        ...
+
+
+@dataclass(frozen=True)
+class Alone:
+    """A crew of nobody: the caller's own thread does one part after another."""
+
+    parts: int
+
+    def __call__(self, requests: Sequence[PartRequest], pixels: NDArray[np.uint8]) -> Iterable[PartResult]:
+        return [refine_part(request, pixels, lambda _: None) for request in requests]
+
+
+def refine_by(
+    crew: Crew,
+    foundation: Foundation,
+    boundary_colors: Floats,
+    pixels: NDArray[np.uint8],
+    steps: Quantization,
+    target_mse: float,
+    max_points: int,
+    effort: int,
+    on_step: Callable[[Step], None],
+) -> Start:
+    """All rounds of a picture but the last, in parts; see `gcvec.refine.refine_batch` for what is given."""
+    rounds = _Rounds(crew, foundation, boundary_colors, pixels, steps, target_mse, max_points, on_step)
+    rounds.run((0.0,), FIRST_GOAL * rounds.own_aims())
+    for _ in range(MOST_GROWTH_ROUNDS):
+        points, before = rounds.n_points, rounds.square
+        rounds.run((0.0,), rounds.goals())
+        if rounds.square <= CLOSE * rounds.aim or not rounds.more:
+            break
+        if rounds.n_points <= points and rounds.square > LEAST_CHANGE * before:
+            break
+    shares = exchanges(effort, rounds.n_points)
+    if shares:
+        rounds.run(shares, rounds.goals())
+    return rounds.merged()
+
+
+class _Rounds:
+    """The parts of a picture between rounds."""
+
+    def __init__(
+        self,
+        crew: Crew,
+        foundation: Foundation,
+        boundary_colors: Floats,
+        pixels: NDArray[np.uint8],
+        steps: Quantization,
+        target_mse: float,
+        max_points: int,
+        on_step: Callable[[Step], None],
+    ) -> None:
+        self._crew = crew
+        self._pixels = pixels
+        self._prior = boundary_colors
+        self._steps = steps
+        self._target_mse = target_mse
+        self._max_points = max_points
+        self._on_step = on_step
+        self._done = 0
+        self._parts = [part_of(foundation, patches) for patches in divided(foundation, crew.parts)]
+        self._areas = np.bincount(foundation.geometry.patch_at().ravel())
+        self._states = [_unborn(k, boundary_colors[part.colors]) for k, part in enumerate(self._parts)]
+        self._shared = shared_pixels(pixels, self._parts, self._states)
+
+    @property
+    def n_points(self) -> int:
+        return sum(len(state.points) for state in self._states)
+
+    @property
+    def square(self) -> float:
+        """Squared error of the picture."""
+        return sum(state.square for state in self._states) + self._shared.excess
+
+    @property
+    def more(self) -> bool:
+        """Whether more points would help in some part."""
+        return any(state.more for state in self._states)
+
+    @property
+    def fair_aim(self) -> float:
+        """The mean squared error to aim at (0-255 scale)."""
+        n = self._pixels.size / 3
+        energy = sum(state.energy for state in self._states) / n if self._done else USUAL_ENERGY
+        return CAREFUL * error_before_rounding(self._target_mse, self._steps, energy)
+
+    @property
+    def aim(self) -> float:
+        """The squared error to aim at."""
+        return self.fair_aim * self._pixels.size / 65025
+
+    def own_aims(self) -> Floats:
+        """`(parts,)` squared errors of parts that are all as good as the picture has to be."""
+        areas = np.array([self._areas[part.patches].sum() for part in self._parts])
+        return np.asarray(self.aim * areas / areas.sum())
+
+    def goals(self) -> Floats:
+        """`(parts,)` the squared errors that the parts have at one price, and that add up to the aim."""
+        usual = SHARED_ERROR * self.fair_aim * self._shared.n * 3 / 65025
+        return common_goals(self._states, self.aim - min(self._shared.excess, usual))
+
+    def run(self, shares: tuple[float, ...], goals: Floats) -> None:
+        """Have all parts refined once more."""
+        fair_aim, some_full = self.fair_aim, any(state.full for state in self._states)
+        requests = [
+            PartRequest(
+                number=state.number,
+                rounds=self._done,
+                network=part.network,
+                hard=part.hard,
+                prior=self._prior[part.colors],
+                points=state.points,
+                colors=state.colors,
+                fair_aim=fair_aim,
+                goal=float(goal),
+                shares=shares,
+                max_points=self._max_points,
+                some_full=some_full,
+                bias=state.bias,
+                shared=state.shared,
+                wanted=wanted,
+            )
+            for part, state, goal, wanted in zip(
+                self._parts, self._states, goals, self._shared.wanted, strict=True
+            )
+        ]
+        for result in self._crew(requests, self._pixels):
+            before = self._states[result.number]
+            course = np.concatenate([before.course, result.course])
+            self._states[result.number] = replace(result, course=course)
+        self._done += 1
+        self._shared = shared_pixels(self._pixels, self._parts, self._states)
+        self._on_step(self._step())
+
+    def _step(self) -> Step:
+        worst = max(self._states, key=lambda state: state.square)
+        grown = [self._parts[state.number].patches[state.grown] for state in self._states]
+        return Step(
+            self._done,
+            self.n_points,
+            int(self._parts[worst.number].patches[0]),
+            max(state.worst for state in self._states),
+            self.square * 65025 / self._pixels.size,
+            frozenset(np.concatenate(grown).tolist()),
+        )
+
+    def merged(self) -> Start:
+        """The picture with the points of all parts; boundary colours that several have are averaged."""
+        total, count = np.zeros_like(self._prior), np.zeros(len(self._prior))
+        for part, state in zip(self._parts, self._states, strict=True):
+            np.add.at(total, part.colors, state.colors[: len(part.colors)])
+            np.add.at(count, part.colors, 1)
+        points = np.concatenate([s.points + p.origin for p, s in zip(self._parts, self._states, strict=True)])
+        colors = [s.colors[len(p.colors) :] for p, s in zip(self._parts, self._states, strict=True)]
+        order = by_rows(points)
+        boundary = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], self._prior)
+        return Start(points[order], np.concatenate([boundary, np.concatenate(colors)[order]]), self._done)
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The pixels that several parts give to.
+
+    n       how many there are
+    excess  squared error there beyond what the parts have measured themselves
+    wanted  (k, 3) float32 for each part, what it is wanted to give to them
+    """
+
+    n: int
+    excess: float
+    wanted: tuple[NDArray[np.float32], ...]
+
+
+def shared_pixels(pixels: NDArray[np.uint8], parts: Sequence[Part], states: Sequence[PartResult]) -> Shared:
+    """What the photo `(h, w, 3)` lacks in shared pixels is wanted of all, by the shares that they cover."""
+    width = pixels.shape[1]
+    places = []
+    for part, state in zip(parts, states, strict=True):
+        row, column = np.divmod(state.shared, part.network.width)
+        places.append((row + part.origin[1]) * width + column + part.origin[0])
+    place, at = np.unique(np.concatenate(places), return_inverse=True)
+    rest = pixels.reshape(-1, 3)[place] / 255.0
+    np.subtract.at(rest, at, np.concatenate([state.given for state in states]))
+    cuts = np.cumsum([len(own) for own in places])[:-1]
+    wanted = [
+        state.given + state.cover[:, None] * rest[own].astype(np.float32)
+        for state, own in zip(states, np.split(at, cuts), strict=True)
+    ]
+    measured = sum(state.square_shared for state in states)
+    return Shared(len(place), float(np.sum(rest**2)) - measured, tuple(wanted))
+
+
+def _unborn(number: int, colors: Floats) -> PartResult:
+    """A part before the first round."""
+    return PartResult(
+        number=number,
+        points=np.zeros((0, 2), np.int64),
+        colors=colors,
+        square=0.0,
+        square_shared=0.0,
+        course=np.zeros((0, 2)),
+        energy=0.0,
+        bias=1.0,
+        worst=0.0,
+        grown=np.zeros(0, np.int64),
+        full=False,
+        more=True,
+        shared=np.zeros(0, np.int64),
+        cover=np.zeros(0, np.float32),
+        given=np.zeros((0, 3), np.float32),
+    )
+
+
+def common_goals(states: Sequence[PartResult], aim: float) -> Floats:
+    """`(parts,)` the squared errors that these parts come to at one price, and that add up to `aim`.
+
+    Parts that no points help, or that have none, stay as they are.
+    """
+    square = np.array([state.square for state in states])
+    n = np.array([len(state.points) for state in states])
+    moving = np.array([state.more for state in states]) & (n > 0) & (square > 0)
+    if not moving.any():
+        return square
+    power = np.array([_power(state.course) for state in states])
+    price = power * square / np.maximum(n, 1)
+
+    def at(common: float) -> Floats:
+        factor = (common / np.maximum(price, 1e-300)) ** (power / (power + 1))
+        return np.where(moving, square * np.clip(factor, 1 / FARTHEST, FARTHEST), square)
+
+    low = float(np.log(price[moving].min())) - RANGE
+    high = float(np.log(price[moving].max())) + RANGE
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (low, middle) if at(np.exp(middle)).sum() > aim else (middle, high)
+    return at(np.exp(low))
+
+
+def _power(course: Floats) -> float:
+    """k of a part with this course `(k, 2)`, as its last growth tells it."""
+    if not len(course):
+        return USUAL_POWER
+    n, square = np.log(np.maximum(course, 1e-300)).T
+    apart = np.flatnonzero(np.abs(n[-1] - n) >= np.log(TELLING))
+    if not len(apart):
+        return USUAL_POWER
+    begin = apart[-1]
+    return float(np.clip((square[begin] - square[-1]) / (n[-1] - n[begin]), *POWERS))

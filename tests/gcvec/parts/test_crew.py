@@ -1,0 +1,158 @@
+"""Pictures made in parts against those made in one go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from skimage import data
+
+from gcvec import Annotations, Options, Progress, Shape, VectorImage, vectorize
+from gcvec.parts.crew import Alone, Crew, common_goals
+from gcvec.parts.messages import (
+    PartRequest,
+    PartResult,
+    request_bytes,
+    request_from,
+    result_bytes,
+    result_from,
+)
+from gcvec.parts.part import refine_part
+from tests.gcvec.parts.test_messages import a_result
+from tests.gcvec.scenes import SCENES, Scene, voronoi
+from tests.gcvec.test_pipeline import assert_sound
+
+
+@dataclass(frozen=True)
+class Helpers:
+    """A crew that gets bytes, does the last first and hands bytes back."""
+
+    parts: int
+
+    def __call__(self, requests: Sequence[PartRequest], pixels: np.ndarray) -> Iterator[PartResult]:
+        for request in reversed(requests):
+            received = request_from(request_bytes(request))
+            yield result_from(result_bytes(refine_part(received, pixels, lambda _: None)))
+
+
+def made(
+    pixels: np.ndarray, annotations: Annotations | None, crew: Crew | None, **options: float
+) -> VectorImage:
+    settings = Options(max_points=int(options.pop("max_points", 0)), workers=1, **options)
+    image = vectorize(pixels, annotations, settings, None, crew)
+    assert_sound(image, pixels)
+    return image
+
+
+def noisy(scene: Scene) -> np.ndarray:
+    """Its picture, the right half of it with a texture."""
+    pixels = scene.picture().astype(float)
+    texture = np.random.default_rng(0).normal(0, 6, pixels.shape)
+    texture[:, : scene.width // 2] = 0
+    return np.clip(pixels + texture, 0, 255).astype(np.uint8)
+
+
+def assert_near(parts: VectorImage, whole: VectorImage, bytes_more: float) -> None:
+    assert parts.report is not None
+    assert whole.report is not None
+    assert parts.report.mse <= 5
+    assert parts.report.foldovers == 0
+    assert parts.report.patches == whole.report.patches
+    assert parts.report.bytes <= (1 + bytes_more) * whole.report.bytes
+
+
+def test_a_scene_takes_hardly_more_bytes_in_parts() -> None:
+    scene = voronoi(160, 200, 30, 9)
+    pixels, annotations = noisy(scene), scene.annotations()
+    assert_near(made(pixels, annotations, Alone(4)), made(pixels, annotations, None), 0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["coffee", "astronaut"])
+def test_a_photo_takes_hardly_more_bytes_in_parts(name: str) -> None:
+    pixels = np.ascontiguousarray(getattr(data, name)()[60:360, 100:400])
+    assert_near(made(pixels, None, Alone(4)), made(pixels, None, None), 0.05)
+
+
+def test_it_does_not_matter_who_does_what_and_when() -> None:
+    scene = voronoi(120, 160, 20, 2)
+    pixels, annotations = noisy(scene), scene.annotations()
+    one, other = (made(pixels, annotations, crew) for crew in (Alone(3), Helpers(3)))
+    assert one.to_bytes() == other.to_bytes()
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_made_scenes_in_more_parts_than_they_have_regions(scene: str) -> None:
+    """Single regions, regions in holes of others, regions a pixel or two wide."""
+    image = made(SCENES[scene].picture(), SCENES[scene].annotations(), Alone(50))
+    assert image.report is not None
+    if scene not in ("diagonal", "stripes"):
+        assert image.report.mse <= 5
+
+
+def test_regions_of_three_pixels() -> None:
+    labels = np.zeros((40, 60), np.int32)
+    for k in range(12):
+        labels[3 * k + 2, 5 * (k % 6) + 4 : 5 * (k % 6) + 7] = k + 1
+    scene = Scene(40, 60, lambda x, y: labels[y.astype(int), x.astype(int)])
+    shapes = tuple(Shape(str(k), mask=labels == k, offset=(0, 0)) for k in range(13) if (labels == k).any())
+    made(noisy(scene), Annotations(shapes), Alone(6))
+
+
+def test_one_region_has_no_parts() -> None:
+    scene = Scene(40, 60, lambda x, y: 0 * x.astype(int))
+    pixels, annotations = noisy(scene), scene.annotations()
+    one, other = (made(pixels, annotations, crew) for crew in (Helpers(4), None))
+    assert one.to_bytes() == other.to_bytes()
+
+
+def test_a_bound_on_points_holds_in_every_region() -> None:
+    scene = voronoi(120, 160, 8, 2)
+    image = made(noisy(scene), scene.annotations(), Alone(3), max_points=60)
+    assert image.report is not None
+    assert max(region.points for region in image.report.regions) <= 60
+
+
+def test_progress_never_falls() -> None:
+    scene = voronoi(120, 160, 20, 2)
+    told: list[Progress] = []
+    image = vectorize(noisy(scene), scene.annotations(), Options(max_points=0), told.append, Alone(3))
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    rounds = [p for p in told if p.phase == "refine"]
+    assert [p.iteration for p in rounds] == list(range(1, len(rounds) + 1))
+    assert told[-1].points == len(image.points)
+    assert image.report is not None
+    assert image.report.seconds["parts"] > 0
+
+
+def state(points: int, square: float, power: float, *, more: bool = True) -> PartResult:
+    """A part whose error has fallen with this power of its number of points."""
+    course = [(points / 4, square * 4**power), (points, square)]
+    return replace(
+        a_result(),
+        points=np.zeros((points, 2), np.int64),
+        square=square,
+        course=np.array(course),
+        more=more,
+    )
+
+
+def test_goals_add_up_and_have_one_price() -> None:
+    states = [state(1000, 8.0, 1.0), state(200, 3.0, 0.6), state(50, 9.0, 1.6)]
+    goals = common_goals(states, 10.0)
+    assert goals.sum() == pytest.approx(10)
+    prices = []
+    for part, goal, power in zip(states, goals, (1.0, 0.6, 1.6), strict=True):
+        points = len(part.points) * (part.square / goal) ** (1 / power)
+        prices.append(power * goal / points)
+    assert prices == pytest.approx([prices[0]] * 3)
+
+
+def test_parts_that_nothing_helps_stay_as_they_are() -> None:
+    states = [state(1000, 8.0, 1.0), state(200, 3.0, 1.0, more=False)]
+    assert common_goals(states, 5.0) == pytest.approx([2.0, 3.0])
+    alone = [state(200, 3.0, 1.0, more=False), state(0, 1.0, 1.0)]
+    assert common_goals(alone, 1.0) == pytest.approx([3.0, 1.0])

@@ -1,0 +1,86 @@
+"""Who works on which part of a picture that is shared out over workers.
+
+    gcvec:parts:ID:ATTEMPT:ROUND   parts that are not done, by the time at which they may be claimed
+
+A claim is a lease: it puts that time off, and whoever works on the part renews it. Every step is one of the
+attempt that runs; those of another change nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+import redis
+
+from worker.records import LEASE_SECONDS, Call, record_key
+
+NOTHING: Final = -1
+"""No part is to be claimed."""
+
+_FENCE = """
+if redis.call('HGET', KEYS[1], 'status') ~= 'running' then return FENCED end
+if redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[1] then return FENCED end
+"""
+
+_CLAIM_PART = (
+    _FENCE.replace("FENCED", str(NOTHING))
+    + """
+local parts = redis.call('ZRANGE', KEYS[2], '-inf', ARGV[2], 'BYSCORE', 'LIMIT', 0, 1)
+if #parts == 0 then return -1 end
+redis.call('ZADD', KEYS[2], ARGV[3], parts[1])
+return tonumber(parts[1])
+"""
+)
+
+_RENEW_PART = (
+    _FENCE.replace("FENCED", "0")
+    + """
+if not redis.call('ZSCORE', KEYS[2], ARGV[2]) then return 0 end
+redis.call('ZADD', KEYS[2], ARGV[3], ARGV[2])
+return 1
+"""
+)
+
+_END_PART = (
+    _FENCE.replace("FENCED", "0")
+    + """
+return redis.call('ZREM', KEYS[2], ARGV[2])
+"""
+)
+
+
+def parts_key(job_id: str, attempt: int, number: int) -> str:
+    return f"gcvec:parts:{job_id}:{attempt}:{number}"
+
+
+def claim_part(job_id: str, attempt: int, number: int, seconds: float = LEASE_SECONDS) -> Call:
+    """Claim a part of this round for so long and return its number; `NOTHING` if there is none."""
+    now = time.time()
+    return Call(_CLAIM_PART, _keys(job_id, attempt, number), (attempt, now, now + seconds))
+
+
+def renew_part(job_id: str, attempt: int, number: int, part: int) -> Call:
+    """Renew a claim; returns 0 if the part is done or no longer wanted."""
+    return Call(_RENEW_PART, _keys(job_id, attempt, number), (attempt, part, time.time() + LEASE_SECONDS))
+
+
+def end_part(job_id: str, attempt: int, number: int, part: int) -> Call:
+    """Note that a part is done; returns 0 if it had been done before or is no longer wanted."""
+    return Call(_END_PART, _keys(job_id, attempt, number), (attempt, part))
+
+
+def open_round(
+    client: redis.Redis, job_id: str, attempt: int, number: int, parts: int, seconds: float
+) -> None:
+    """Let the parts 0, 1, … of a round be claimed, for `seconds` at most."""
+    key = parts_key(job_id, attempt, number)
+    with client.pipeline(transaction=True) as pipeline:
+        pipeline.delete(key)
+        pipeline.zadd(key, dict.fromkeys(map(str, range(parts)), 0))
+        pipeline.expire(key, int(seconds) + 1)
+        pipeline.execute()
+
+
+def _keys(job_id: str, attempt: int, number: int) -> tuple[str, str]:
+    return record_key(job_id), parts_key(job_id, attempt, number)
