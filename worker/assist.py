@@ -17,7 +17,6 @@ from typing import Any
 import redis
 from obstore.exceptions import BaseError
 
-from gcvec.errors import InputError
 from worker import logs, storage
 from worker.app import ASSIST, JOBS_QUEUE, app
 from worker.attempt import RENEW_SECONDS, StopError
@@ -42,8 +41,10 @@ def assist(job_id: str, attempt: int, number: int) -> None:
                 _do_part(shop, job, attempt, number, part)
         except StopError:
             logger.info("job %s: no longer assisted", job_id)
-        except (BaseError, OSError, InputError, MemoryError, redis.RedisError) as error:
+        except (BaseError, OSError, MemoryError, redis.RedisError) as error:
             logger.warning("job %s: not assisted (%s)", job_id, type(error).__name__)
+        except Exception:
+            logger.exception("job %s: not assisted", job_id)
 
 
 def _do_part(shop: Workshop, job: Job, attempt: int, number: int, part: int) -> None:

@@ -18,8 +18,7 @@ from kombu.exceptions import OperationalError
 from numpy.typing import NDArray
 from obstore.exceptions import BaseError
 
-from gcvec.errors import InputError
-from gcvec.parts.messages import PartRequest, PartResult, request_bytes, result_from
+from gcvec.parts.messages import DamagedPartError, PartRequest, PartResult, request_bytes, result_from
 from gcvec.parts.part import refine_part
 from gcvec.refine import Step
 from worker import storage
@@ -115,7 +114,7 @@ class FanOut:
         path = storage.part_path(self._job.id, self._job.attempt, self._round, part, "result")
         try:
             return result_from(storage.read(self._shop.store, path))
-        except (BaseError, OSError, InputError) as error:
+        except (BaseError, OSError, DamagedPartError) as error:
             logger.warning("job %s: part %d is done again (%s)", self._job.id, part, error)
             return None
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.boundary import Curve, Network
-from gcvec.errors import InputError
 from gcvec.loops import network_loops
 
 Floats = NDArray[np.float64]
@@ -37,6 +36,10 @@ _DAMAGES = (
     zlib.error,
 )
 """What reading a file raises that is not whole."""
+
+
+class DamagedPartError(Exception):
+    """A file is not what was written. The message names the cause in one line."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,7 @@ def request_bytes(request: PartRequest) -> bytes:
 
 
 def request_from(data: bytes) -> PartRequest:
-    """The request in a file. Raises InputError where it is damaged."""
+    """The request in a file. Raises DamagedPartError."""
     with _reading(data, "request") as file:
         return _request(file)
 
@@ -162,7 +165,7 @@ def result_bytes(result: PartResult) -> bytes:
 
 
 def result_from(data: bytes) -> PartResult:
-    """The result in a file. Raises InputError where it is damaged."""
+    """The result in a file. Raises DamagedPartError."""
     with _reading(data, "result") as file:
         return _result(file)
 
@@ -182,7 +185,7 @@ def _reading(data: bytes, kind: str) -> Iterator[Any]:
                 raise ValueError(f"not a {kind} of this version")
             yield file
     except _DAMAGES as problem:
-        raise InputError(f"the {kind} of a part is damaged: {problem}", code="broken-part") from problem
+        raise DamagedPartError(f"the {kind} of a part is damaged: {problem}") from problem
 
 
 def _request(file: Any) -> PartRequest:

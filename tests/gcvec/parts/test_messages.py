@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcvec import InputError
 from gcvec.parts.division import part_of
 from gcvec.parts.messages import (
+    DamagedPartError,
     PartRequest,
     PartResult,
     request_bytes,
@@ -101,20 +101,20 @@ def told_of(read: Callable[[bytes], Any], data: bytes) -> str | None:
     """What is said of a damaged file; None if the damage concerns nobody."""
     try:
         read(data)
-    except InputError as error:
+    except DamagedPartError as error:
         return str(error)
     return None
 
 
 def test_one_kind_is_not_taken_for_the_other() -> None:
-    with pytest.raises(InputError, match="damaged"):
+    with pytest.raises(DamagedPartError, match="damaged"):
         request_from(result_bytes(a_result()))
-    with pytest.raises(InputError, match="damaged"):
+    with pytest.raises(DamagedPartError, match="damaged"):
         result_from(request_bytes(a_request()))
 
 
 def test_no_code_is_read() -> None:
     buffer = io.BytesIO()
     np.savez(buffer, kind=np.array([print], dtype=object))
-    with pytest.raises(InputError, match="damaged"):
+    with pytest.raises(DamagedPartError, match="damaged"):
         result_from(buffer.getvalue())
