@@ -44,15 +44,18 @@ def serve(
     logs.start(settings)
     _check_open(settings, host)
     data.mkdir(parents=True, exist_ok=True)
+    processes = workers or os.cpu_count() or 1
     with _locked(data), closing(_listen(host, port)) as listener, Supervisor() as supervisor:
         environment = {"GCVEC_DATA_DIR": str(data.absolute()), "GCVEC_STORAGE_URL": settings.storage}
         if "GCVEC_BROKER_URL" not in os.environ:
             broker = private_broker(data / "broker")
             supervisor.start(broker.command)
             environment["GCVEC_BROKER_URL"] = broker.url
+            if processes == 1:  # nobody could help it
+                environment["GCVEC_FAN_OUT_MEGAPIXELS"] = os.environ.get("GCVEC_FAN_OUT_MEGAPIXELS", "0")
             if not wait_until_ready(broker.url, _READY_SECONDS):
                 raise RuntimeError("the private broker does not start")
-        supervisor.start(*_commands(environment, listener, workers or os.cpu_count() or 1))
+        supervisor.start(*_commands(environment, listener, processes))
         _announce(supervisor, listener)
         while not supervisor.stopping:
             supervisor.look_after()
