@@ -44,7 +44,7 @@ LOSS = 1.15
 first guess, until a file has been made."""
 
 LANDING = 0.15
-LEAST_SPARE = 0.03
+LEAST_SPARE = 0.05
 """At the end no more than this share of the points is taken out to land on the target, and no fewer; with
 little effort none."""
 
