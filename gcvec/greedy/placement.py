@@ -241,8 +241,8 @@ class Placement:
         self.error = self._elsewhere + sum(squares)
 
     def grow(self, goal: float, most: int) -> bool:
-        """Place points until the error is `goal` or less, about `most` are placed, or a first patch has all
-        that it may have. False: no more points help."""
+        """Place points until the error is `goal` or less, about `most` are placed, a first patch has all that
+        it may have, or plots have no room for more. False: no more points help."""
         placed = 0
         for _ in range(MOST_LEVELS):
             missing = self.error - goal
@@ -255,7 +255,7 @@ class Placement:
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
             new = self._place_above(float(gain[wanted]) if wanted < len(gain) else 0.0)
             if not new:
-                return False
+                return any(plot.counts[VERTICES] + 1 >= len(plot.domain) for plot in self.plots)
             placed += new
             self.settle()
             if self._none_full and self._room is not None and not self._room.all():

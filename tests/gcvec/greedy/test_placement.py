@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcvec.greedy import begin
+from gcvec.greedy.plot import VERTICES
 from gcvec.parallel import use_workers
 from tests.gcvec.greedy.gardens import Garden, alive, garden, painted
 
@@ -118,3 +119,15 @@ def test_no_more_go_than_can() -> None:
     assert (after[1:] == before[1:]).all()
     start.placement.thin_out(50, np.ones_like(finished))
     assert len(start.placement.result()[0]) == len(points)
+
+
+def test_a_plot_without_room_is_no_reason_to_give_up() -> None:
+    """The next round has more."""
+    made = garden("voronoi", 20)
+    made.placement.plots = [
+        plot._replace(domain=plot.domain[: plot.counts[VERTICES] + 4]) for plot in made.placement.plots
+    ]
+    assert made.placement.grow(0.0, 1000)
+    *_, new = made.placement.result()
+    assert 0 < new.sum() <= 4
+    assert made.placement.error > 0
