@@ -24,9 +24,10 @@ from gcvec.parts.crew import Crew, refine_by
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
-from gcvec.refine import Step, refine_batch
+from gcvec.refine import refine_batch
 from gcvec.refine_bytes import refine_to_bytes
 from gcvec.refine_paper import refine_paper
+from gcvec.refinement import Step
 from gcvec.segment import segment
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock

@@ -21,7 +21,7 @@ from gcvec.draft import Draft, by_rows
 from gcvec.drawing import folded
 from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
-from gcvec.refine import Step
+from gcvec.refinement import Step
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
 

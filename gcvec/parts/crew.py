@@ -21,7 +21,8 @@ from gcvec.parts.division import Part, divided, part_of
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.parts.part import refine_part
 from gcvec.quantization import Quantization
-from gcvec.refine import CAREFUL, LEAST_CHANGE, Start, Step, error_before_rounding, exchanges
+from gcvec.refine import exchanges
+from gcvec.refinement import CAREFUL, LEAST_CHANGE, Start, Step, error_before_rounding
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

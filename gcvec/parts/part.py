@@ -14,7 +14,7 @@ from gcvec.least_squares import from_pixels
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.quantization import Quantization
 from gcvec.raster import Coverage
-from gcvec.refine import LEAST_SPARE, Refinement, Start, Step
+from gcvec.refinement import LEAST_SPARE, Refinement, Start, Step
 from gcvec.timing import StageClock
 
 SLIVER = 1e-3

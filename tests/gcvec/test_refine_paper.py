@@ -13,7 +13,6 @@ from gcvec import Annotations, Options, Progress, Shape, VectorImage, raster, ve
 from gcvec.canonical import Canvas, Foundation, lay_canvas
 from gcvec.clearance import room
 from gcvec.mesh import build_mesh
-from gcvec.refine import Step
 from gcvec.refine_paper import (
     WEIGHT,
     at_pixel_centres,
@@ -23,6 +22,7 @@ from gcvec.refine_paper import (
     turns_over,
     worst_pixels,
 )
+from gcvec.refinement import Step
 from gcvec.timing import StageClock
 
 WIDTH, HEIGHT = 72, 56

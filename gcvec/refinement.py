@@ -1,0 +1,367 @@
+"""The state of refinement (paper, section 4.4), and its rounds.
+
+Each round fits all colours by least squares, equation (7), and measures the picture on its canonical mesh;
+from there points are taken out and put in greedily (`gcvec.greedy`), on a mesh that changes with each of
+them. One falling threshold serves all regions, so points go where they buy most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.canonical import Foundation, lay_unfolded_canvas
+from gcvec.clearance import room
+from gcvec.color_fit import ColorFit, color_fit
+from gcvec.draft import by_rows
+from gcvec.greedy import begin_placement
+from gcvec.greedy.seats import Seats, seats
+from gcvec.least_squares import solve, solve_bounded
+from gcvec.quantization import Quantization
+from gcvec.raster import Coverage
+from gcvec.seeding import seeds
+from gcvec.timing import StageClock
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+POINT_WEIGHT = 0.1
+"""w of equation (7): pull of a control point towards the colour of its pixel."""
+
+BOUNDARY_WEIGHT = 0.05
+"""Pull of a boundary colour towards its first estimate (section 4.3)."""
+
+RISE = 0.75
+"""Without the least useful share s of its control points a picture has about 1 + 0.75 s times the error."""
+
+LOSS = 1.15
+"""Rounding colours as a file does costs about this much more than rounding to nearest, see its dead zone: the
+first guess, until a file has been made."""
+
+LEAST_SPARE = 0.05
+"""Fewer points than this share are not worth a round that takes them out."""
+
+CAREFUL = 0.98
+MORE_CAREFUL = 0.995
+"""The first aim is lower than it need be by this factor, since missing the target costs another round; and
+after each miss by another one."""
+
+LEAST_LESSON = 0.1
+"""What rounding is taken to cost falls no further than to this share when a file is looked at."""
+
+SETTLED = 0.985
+"""Of a round's error about this share remains after the last fit."""
+
+LEAST_AIM = 0.5
+"""The aim is at least this share of the target."""
+
+FIRST_POINTS = 1 / 1500
+"""Points a pixel that a round may place, however few there are."""
+
+NEAR = 1.1
+"""Growth ends within this factor of the aim: exchanges do the rest."""
+
+LEAST_CHANGE = 0.99
+"""Growth ends with a round that neither adds points nor brings the error below this share of what it was."""
+
+CROWDED = 1 / 8
+LEAST_RETURN = 0.1
+IDLE_ROUNDS = 2
+"""With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
+the number of points are the last."""
+
+SHIFTS = 0.35, 0.65
+"""Where strips of the picture are cut, in turn: nothing changes along a cut."""
+
+ROUND_ITERATIONS = 4
+FINAL_ITERATIONS = 10
+FINAL_SWEEPS = 2
+"""Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
+may take some sweeps to find the colours that stay at their bounds."""
+
+GROWTH = 3.0
+"""A round adds this many times the points there are, at most."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a round found and did. Errors are on the 0-255 scale; `grown` are the regions that got points."""
+
+    iteration: int
+    points: int
+    worst_region: int
+    worst_error: float
+    mse: float
+    grown: frozenset[int]
+
+
+@dataclass(frozen=True)
+class Start:
+    """Control points `(n, 2)`, by rows, and all colours `(b + n, 3)` after so many rounds."""
+
+    points: Ints
+    colors: Floats
+    rounds: int
+
+
+def error_before_rounding(target_mse: float, steps: Quantization, energy: float, loss: float = LOSS) -> float:
+    """The error that leaves `target_mse` when colours are rounded."""
+    return max(target_mse - rounding_error(steps, energy, loss), LEAST_AIM * target_mse)
+
+
+def rounding_error(steps: Quantization, energy: float, loss: float) -> float:
+    """Error that rounding adds, to the file's steps and then to 8 bits.
+
+    Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the picture as
+    the colour has `energy` there, which is summed over all colours and a share of the picture's pixels.
+    """
+    return (1 + loss * 65025 * steps.point**2 * energy) / 12
+
+
+class Refinement:
+    """The refinement loop's state: control points, colours, and the canvas they are on.
+
+    points  (n, 2) int64, pixels of the parameter domain, by rows
+    colors  (b + n, 3) float64, all unknowns, boundary first
+    canvas  the mesh with these points
+    bias    the error that greedy placement expected of the last round over what it was
+    """
+
+    def __init__(
+        self,
+        foundation: Foundation,
+        boundary_colors: Floats,
+        picture: NDArray[np.float32],
+        target_mse: float,
+        steps: Quantization,
+        max_points: int,
+        on_step: Callable[[Step], None],
+        clock: StageClock,
+        start: Start | None = None,
+    ) -> None:
+        """`picture` is `(h, w, 3)` in [0, 1], `target_mse` (0-255 scale) the error wanted of its file with
+        these steps; `max_points` bounds the points of one region, 0 lifts the bound.
+        Without a `start` there are no points yet."""
+        self.foundation = foundation
+        start = start or Start(np.zeros((0, 2), np.int64), boundary_colors, 0)
+        self.points, self.colors = start.points, start.colors
+        self._prior = boundary_colors
+        self._picture = picture
+        self._truth = picture.reshape(-1, 3)
+        self._target_mse = target_mse
+        self._steps = steps
+        self._loss = LOSS
+        self._margin = CAREFUL
+        self.bias = 1.0
+        self._max_points = max_points
+        self._on_step = on_step
+        self._clock = clock
+        self._blocked = ~room(foundation) | (foundation.geometry.triangle_at < 0)
+        self._iteration = start.rounds
+        self._update()
+
+    @property
+    def aim(self) -> float:
+        """The error to aim at before colours are rounded."""
+        return self._margin * error_before_rounding(self._target_mse, self._steps, self._energy, self._loss)
+
+    @property
+    def fair_aim(self) -> float:
+        """The mean error of a whole picture that is as good as the aim."""
+        return self.aim
+
+    @property
+    def _energy(self) -> float:
+        """What all colours give to a pixel, in squares."""
+        return float(self._fit.energy.sum()) / len(self._truth)
+
+    @property
+    def spare(self) -> float:
+        """Share of the control points that the picture can do without and still be as good as its aim."""
+        return max(self.aim / max(self.mse, 1e-9) - 1, 0.0) / RISE
+
+    def learn(self, mse: float) -> None:
+        """See what rounding costs: a file of the picture as it is has the error `mse`."""
+        missed_by = mse / self._target_mse * self.aim / max(self.mse, 1e-9)
+        expected = rounding_error(self._steps, self._energy, self._loss)
+        self._loss *= max((mse - self.mse) / expected, LEAST_LESSON)
+        if mse > self._target_mse:
+            self._margin *= MORE_CAREFUL / max(missed_by, 1.0)
+
+    def grow(self, growth: float) -> bool:
+        """Place points until the picture is nearly as good as the aim, in rounds that add `growth` times as
+        many as there are at most. False: no more of them help."""
+        idle_rounds = 0
+        while self.mse > NEAR * self.aim:
+            n, before = len(self.points), self.mse
+            if not self.turn_over(0.0, growth):
+                return False
+            if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
+                return False
+            crowded = len(self.points) > CROWDED * len(self._truth)
+            helped = self.mse * max(len(self.points) / max(n, 1), 1) ** LEAST_RETURN < before
+            idle_rounds = idle_rounds + 1 if crowded and not helped else 0
+            if idle_rounds == IDLE_ROUNDS:
+                return False
+        return True
+
+    def catch_up(self) -> bool:
+        """Place the points that are missing. False when no more points help.
+
+        After a round of growth the error is often a little lower than its placement foresaw; after one that
+        places few points it is not.
+        """
+        return self.turn_over(0.0, expected=min(self.bias, 1.0) * self.aim)
+
+    def turn_over(self, share: float, growth: float = GROWTH, expected: float | None = None) -> bool:
+        """One round: take out the least useful `share` of the control points, and place as many new ones as
+        the aim asks for: no more than were taken, or where none were `growth` times as many as there are.
+        `expected` is the error that placement ends with, where it is not left to the aim. False when no more
+        points help.
+        """
+        n = len(self.points)
+        with self._clock.stage("evaluation"):
+            finished = self._finished()
+            goal = self._to_square(self.bias * self.aim / SETTLED if expected is None else expected)
+            on_canvas = self._fit.operator @ self.colors
+            del self._fit  # large, and no longer needed
+            placement = begin_placement(
+                self.canvas,
+                self.points,
+                on_canvas,
+                self._residual,
+                self._picture.reshape(-1, 3),
+                self._seats(),
+                self._room(finished),
+                POINT_WEIGHT,
+                SHIFTS[self._iteration % 2],
+            )
+            placement.thin_out(int(share * n), finished)
+            most = int((share or growth) * n + FIRST_POINTS * len(self._truth)) + 4
+            more = placement.grow(goal, most)
+            self.points, colors, new = placement.result()
+            self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
+        foreseen = placement.error
+        del placement
+        self._update(new)
+        self.bias = foreseen / max(self._to_square(self.mse), 1e-12)
+        return more
+
+    def _seats(self) -> Seats:
+        taken = self._blocked.copy()
+        taken[self.points[:, 1], self.points[:, 0]] = True
+        return seats(self.foundation, taken)
+
+    def _room(self, finished: NDArray[np.bool_]) -> Ints | None:
+        """How many more points each patch may have; None: any number."""
+        if not self._max_points:
+            return None
+        count = np.bincount(self.canvas.patch_of_points(), minlength=len(finished))
+        return np.where(finished, 0, np.maximum(self._max_points - count, 0))
+
+    def _to_square(self, mse: float) -> float:
+        """Squared error, summed over pixels and channels, of a mean squared error on the 0-255 scale."""
+        return mse * self._truth.size / 65025
+
+    def _finished(self) -> NDArray[np.bool_]:
+        """Regions that want no more points: once some have reached their bound, those within the target.
+
+        What the others lack cannot be made up for there, however many points are spent.
+        """
+        owner = self.foundation.geometry.patch_at().ravel()
+        n = len(self.foundation.network.loops)
+        if not self.full:
+            return np.zeros(n, bool)
+        square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
+        return np.asarray(square <= self.fair_aim * np.bincount(owner, minlength=n))[:n]
+
+    @property
+    def full(self) -> bool:
+        """Whether a region has as many points as it may have."""
+        count = np.bincount(self.canvas.patch_of_points(), minlength=1)
+        return bool(self._max_points) and int(count.max()) >= self._max_points
+
+    def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
+        """Bring the colours closer to the best ones for these control points."""
+        with self._clock.stage("optimization"):
+            equations = self._fit.equations(*self._pull())
+            self.colors = np.clip(solve(equations, self.colors, iterations, 1e-4), 0, 1)
+            self._measure()
+
+    def settle(self) -> None:
+        """The last fit: to convergence, and with every colour in [0, 1]."""
+        with self._clock.stage("optimization"):
+            equations = self._fit.equations(*self._pull())
+            self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5, FINAL_SWEEPS)
+            self._measure()
+
+    def seed(self) -> None:
+        """Place the first control points."""
+        with self._clock.stage("evaluation"):
+            new = seeds(
+                self._residual.reshape(self._picture.shape),
+                self.fair_aim,
+                self._blocked,
+                self.foundation.geometry.patch_at(),
+                self._max_points,
+            )
+        if len(new):
+            del self._fit
+            self._insert(new)
+
+    def _insert(self, new: Ints) -> None:
+        """Add control points `(n, 2)` with the colours of their pixels."""
+        n_boundary = len(self._prior)
+        points = np.concatenate([self.points, new])
+        order = by_rows(points)
+        colors = np.concatenate([self.colors[n_boundary:], self._picture[new[:, 1], new[:, 0]]])
+        self.points = points[order]
+        self.colors = np.concatenate([self.colors[:n_boundary], colors[order]])
+        self._update(order >= len(points) - len(new))
+
+    def _keep(self, kept: NDArray[np.bool_]) -> None:
+        n_boundary = len(self._prior)
+        self.points = self.points[kept]
+        self.colors = np.concatenate([self.colors[:n_boundary], self.colors[n_boundary:][kept]])
+
+    def _update(self, new: NDArray[np.bool_] | None = None) -> None:
+        """Canvas, colours and error for the points as they are, of which some are `new` `(n,)`."""
+        with self._clock.stage("mesh_harmonic"):
+            self.canvas, kept = lay_unfolded_canvas(self.foundation, self.points)
+            self.foundation = self.canvas.foundation
+            gone = self.points[~kept]
+            self._blocked[gone[:, 1], gone[:, 0]] = True
+            self._keep(kept)
+            fresh = slice(0) if new is None else new[kept]
+            grown = frozenset(self.canvas.patch_of_points()[fresh].tolist())
+        with self._clock.stage("evaluation"):
+            coverage = self.canvas.coverage(self.canvas.unit[0], np.float32)
+        with self._clock.stage("optimization"):
+            self._fit = self._fitted(coverage)
+            del coverage
+        self.converge(ROUND_ITERATIONS)
+        self._iteration += 1
+        square = (self._residual**2).sum(axis=1)
+        by_region = np.bincount(self.foundation.geometry.patch_at().ravel(), square)
+        worst = float(np.abs(self._residual).max() * 255)
+        self._on_step(
+            Step(self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown)
+        )
+
+    def _fitted(self, coverage: Coverage) -> ColorFit:
+        """The fit of the canvas, which covers the pixels so."""
+        return color_fit(self.canvas, coverage, self._truth)
+
+    def _pull(self) -> tuple[Floats, Floats]:
+        """What the unknowns are pulled towards, `(b + n, 3)`, and how much, `(b + n,)`."""
+        prior = np.concatenate([self._prior, self._picture[self.points[:, 1], self.points[:, 0]]])
+        pull = np.full(len(prior), POINT_WEIGHT)
+        pull[: len(self._prior)] = BOUNDARY_WEIGHT
+        return prior, pull
+
+    def _measure(self) -> None:
+        self._residual = self._fit.residual(self.colors, self._truth)
+        self.mse = float(np.mean(self._residual**2, dtype=np.float64) * 65025)
