@@ -11,7 +11,7 @@ from gcvec.color_coding import FRACTION, rounded
 from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, sign, size_class
 from gcvec.kernels import bare_kernel
-from gcvec.mixing import Model
+from gcvec.mixing import Model, place_contexts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -109,5 +109,5 @@ def _choose_contexts(
     slots[3] = min(patch, 63) * 4 + place
     slots[4] = signs * 3 + sign(steps_before[axis])
     slots[5] = turn
-    for k in range(_SIZE_CONTEXTS + _SIGN_CONTEXTS):
-        slots[k] = axis * _AXIS_COUNTERS + (k * _CONTEXT_SIZE + slots[k]) * NODES
+    last = _SIZE_CONTEXTS + _SIGN_CONTEXTS
+    place_contexts(model, axis * _AXIS_COUNTERS, 0, last, _CONTEXT_SIZE, NODES)

@@ -11,7 +11,7 @@ from gcvec.curve_coding import END, START
 from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, sign, size_class
 from gcvec.kernels import bare_kernel
-from gcvec.mixing import Model
+from gcvec.mixing import Model, place_contexts
 
 Ints = NDArray[np.int64]
 
@@ -36,8 +36,7 @@ def _code_coordinate(
     slots[0] = 0
     slots[1], slots[2] = sizes
     slots[3], slots[4] = signs
-    for k in range(_CONTEXTS):
-        slots[k] = ((kind * _CONTEXTS + k) * _CONTEXT_SIZE + slots[k]) * NODES
+    place_contexts(model, kind * _CONTEXTS * _CONTEXT_SIZE * NODES, 0, _CONTEXTS, _CONTEXT_SIZE, NODES)
     coded: int = code_integer(coder, model, 3, 2, kind * NODES, value)
     return coded
 

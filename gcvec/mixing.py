@@ -87,6 +87,16 @@ def fresh_model(counters: int, rows: int, inputs: int) -> Model:
 
 
 @bare_kernel
+def place_contexts(model: Model, begin: int, first: int, last: int, size: int, counters: int) -> None:
+    """Turn the numbers in slots `first` to `last - 1` into places of counters.
+
+    Every slot has `size` contexts of so many `counters`; those of slot 0 are at `begin`.
+    """
+    for k in range(first, last):
+        model.slots[k] = begin + (k * size + model.slots[k]) * counters
+
+
+@bare_kernel
 def code_decision(coder: Coder, model: Model, first: int, n: int, node: int, row: int, bit: int) -> int:
     """Write `bit`, or read one, under the contexts in slots `first` to `first + n - 1`.
 

@@ -17,7 +17,7 @@ from gcvec.color_coding import FRACTION, rounded
 from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, sign, size_class
 from gcvec.kernels import bare_kernel
-from gcvec.mixing import Model
+from gcvec.mixing import Model, place_contexts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -283,8 +283,7 @@ def _choose_sizes(
     slots[3] = pattern
     slots[4] = dense * 16 + distance
     slots[5] = min(patch, 63) * 6 + before // 2
-    for k in range(_SIZE_CONTEXTS):
-        slots[k] = axis * _AXIS_COUNTERS + (k * _CONTEXT_SIZE + slots[k]) * NODES
+    place_contexts(model, axis * _AXIS_COUNTERS, 0, _SIZE_CONTEXTS, _CONTEXT_SIZE, NODES)
 
 
 @bare_kernel
@@ -310,5 +309,5 @@ def _choose_signs(
     slots[6] = (256 if beyond > 0 else 0) + min(size_class(abs(beyond) >> 2), 255)
     slots[7] = (3 * sign(first) + sign(second)) * 9 + own
     slots[8] = min(patch, 54) * 9 + own
-    for k in range(_SIZE_CONTEXTS, _SIZE_CONTEXTS + _SIGN_CONTEXTS):
-        slots[k] = axis * _AXIS_COUNTERS + (k * _CONTEXT_SIZE + slots[k]) * NODES
+    last = _SIZE_CONTEXTS + _SIGN_CONTEXTS
+    place_contexts(model, axis * _AXIS_COUNTERS, _SIZE_CONTEXTS, last, _CONTEXT_SIZE, NODES)
