@@ -7,11 +7,7 @@ acknowledged, so that its worker fetches no job that it could not begin.
 from __future__ import annotations
 
 import logging
-import threading
-from collections.abc import Callable
-from contextvars import copy_context
 from functools import lru_cache
-from types import TracebackType
 from typing import Any
 
 import redis
@@ -19,8 +15,9 @@ from obstore.exceptions import BaseError
 
 from worker import logs, storage
 from worker.app import ASSIST, JOBS_QUEUE, app
-from worker.attempt import RENEW_SECONDS, StopError
+from worker.attempt import RENEW_SECONDS
 from worker.claims import NOTHING, claim_part, end_part, renew_part
+from worker.keeper import Keeper, StopError
 from worker.records import Job, JobRecords
 from worker.workshop import Workshop, workshop
 
@@ -83,31 +80,13 @@ def _photo(job_id: str) -> Any:
     return read_photo(storage.read(shop.store, storage.image_path(job_id)), job.request, shop.settings).pixels
 
 
-class _Claim:
-    """A claim that a thread of its own keeps up while the part is worked on."""
+class _Claim(Keeper):
+    """A claim that is renewed while the part is worked on."""
 
     def __init__(self, records: JobRecords, job_id: str, attempt: int, number: int, part: int) -> None:
+        super().__init__("claim")
         self._records = records
         self._renewal = job_id, attempt, number, part
-        self._stopped = threading.Event()
-        self._done = threading.Event()
-        keep: Callable[[], None] = self._keep
-        self._thread = threading.Thread(target=copy_context().run, args=(keep,), name="claim", daemon=True)
-
-    def __enter__(self) -> _Claim:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._done.set()
-        self._thread.join()
-
-    def check(self) -> None:
-        """Raise StopError if the part is no longer wanted."""
-        if self._stopped.is_set():
-            raise StopError
 
     def _keep(self) -> None:
         while not self._done.wait(RENEW_SECONDS):

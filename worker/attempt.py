@@ -5,11 +5,9 @@ from __future__ import annotations
 import logging
 import os
 import signal
-import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from contextvars import copy_context
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Final
@@ -17,6 +15,7 @@ from typing import Any, Final
 import redis
 
 from gcvec.progress import Progress
+from worker.keeper import Keeper
 from worker.problems import problem
 from worker.records import EVENTS_KEPT, Call, JobRecords, finish, report
 
@@ -27,11 +26,7 @@ RENEW_SECONDS: Final = 1.0
 GRACE_SECONDS: Final = 20.0
 
 
-class StopError(Exception):
-    """The run must end: the job was cancelled, has run out of time or belongs to another attempt by now."""
-
-
-class Attempt:
+class Attempt(Keeper):
     """The link between a computing thread and the job's record, kept by a thread of its own.
 
     The computation only appends to a queue and looks at a flag, so an outage of Redis neither slows nor fails
@@ -42,6 +37,7 @@ class Attempt:
     def __init__(
         self, records: JobRecords, job_id: str, number: int, *, seconds: float, retention: float
     ) -> None:
+        super().__init__(f"attempt-{job_id}")
         self._records = records
         self._job_id = job_id
         self._number = number
@@ -49,32 +45,17 @@ class Attempt:
         self._retention = retention
         self._deadline = time.monotonic() + seconds
         self._events: deque[Mapping[str, Any]] = deque(maxlen=EVENTS_KEPT)
-        self._stopped = threading.Event()
-        self._done = threading.Event()
-        self._thread = threading.Thread(
-            target=copy_context().run, args=(self._keep,), name=f"attempt-{job_id}", daemon=True
-        )
-
-    def __enter__(self) -> Attempt:
-        self._thread.start()
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._done.set()
-        self._thread.join()
+        super().__exit__(kind, error, trace)
         self._send()
 
     def on_progress(self, progress: Progress) -> None:
         """Queue an event. Raises StopError if the run must end."""
         self._events.append(asdict(progress))
         self.check()
-
-    def check(self) -> None:
-        """Raise StopError if the run must end."""
-        if self._stopped.is_set():
-            raise StopError
 
     def _keep(self) -> None:
         renewed = 0.0

@@ -13,7 +13,8 @@ from gcvec.errors import InputError
 from worker import logs, storage
 from worker.app import VECTORIZE, app
 from worker.artifacts import KINDS
-from worker.attempt import Attempt, StopError
+from worker.attempt import Attempt
+from worker.keeper import StopError
 from worker.problems import Problem, input_problem, problem
 from worker.records import Job, claim, finish
 from worker.storage import Manifest, StoredFile

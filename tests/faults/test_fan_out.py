@@ -66,6 +66,16 @@ def busy(fleet: Fleet, worker: Process, attempt: int = 1) -> bool:
     return f"assists attempt {attempt}" in worker.log.read_text().rpartition(" done for attempt")[2]
 
 
+def begun_with_a_helper(shared: Fleet) -> tuple[Api, str, Process]:
+    """A job that one of two workers has begun, and the other, which works on a part of it."""
+    api = shared.start_api()
+    workers = [shared.start_worker() for _ in range(2)]
+    job_id = submit(api)
+    within(30, lambda: any(busy(shared, worker) for worker in workers))
+    (helper,) = [worker for worker in workers if busy(shared, worker)]
+    return api, job_id, helper
+
+
 def in_charge(workers: list[Process], job_id: str) -> Process:
     (worker,) = [w for w in workers if f"job {job_id}: attempt 1" in w.log.read_text()]
     return worker
@@ -118,22 +128,14 @@ def test_three_workers_make_one_picture(shared: Fleet) -> None:
 
 
 def test_a_helper_that_is_killed_costs_nothing_but_time(shared: Fleet) -> None:
-    api = shared.start_api()
-    workers = [shared.start_worker() for _ in range(2)]
-    job_id = submit(api)
-    within(30, lambda: any(busy(shared, worker) for worker in workers))
-    (helper,) = [worker for worker in workers if busy(shared, worker)]
+    api, job_id, helper = begun_with_a_helper(shared)
     helper.kill()
     assert api.outcome(job_id, 120)["status"] == "succeeded"
     assert_done_once(shared, api, job_id, 1)
 
 
 def test_a_helper_that_sleeps_is_not_waited_for(shared: Fleet) -> None:
-    api = shared.start_api()
-    workers = [shared.start_worker() for _ in range(2)]
-    job_id = submit(api)
-    within(30, lambda: any(busy(shared, worker) for worker in workers))
-    (helper,) = [worker for worker in workers if busy(shared, worker)]
+    api, job_id, helper = begun_with_a_helper(shared)
     (asleep,) = helper.children()
     os.kill(asleep, signal.SIGSTOP)
     assert api.outcome(job_id, 120)["status"] == "succeeded"

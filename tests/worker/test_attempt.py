@@ -8,7 +8,8 @@ import pytest
 
 from gcvec.progress import Progress
 from tests.conftest import client_of
-from worker.attempt import REPORT_SECONDS, Attempt, StopError
+from worker.attempt import REPORT_SECONDS, Attempt
+from worker.keeper import StopError
 from worker.records import Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
 
 
