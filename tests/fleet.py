@@ -171,9 +171,12 @@ class Fleet:
         return read_manifest(open_store(self.environment["GCVEC_STORAGE_URL"]), job_id)
 
     def files(self, job_id: str = "") -> list[str]:
-        """Paths of a job's files, or of all, below the local store."""
+        """Paths of a job's files, or of all, below the local store; folders may vanish meanwhile."""
         top = self.folder / "store"
-        return sorted(str(p.relative_to(top)) for p in (top / "jobs" / job_id).rglob("*") if p.is_file())
+        walk = os.walk(top / "jobs" / job_id)
+        return sorted(
+            str((Path(folder) / name).relative_to(top)) for folder, _, names in walk for name in names
+        )
 
     def refining(self, job_id: str, attempt: int = 1) -> bool:
         """Whether the job is in the midst of its refinement."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.faults.test_workers import attempts_in, ends_of
 from tests.fleet import SHORT, Api, Fleet, Process, picture, within
 from worker.app import ASSIST, JOBS_QUEUE, PARTS_QUEUE, VECTORIZE, create_celery
 from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key, renew_part
@@ -85,8 +86,7 @@ def assert_done_once(fleet: Fleet, api: Api, job_id: str, attempt: int) -> None:
     manifest = fleet.manifest(job_id)
     assert manifest is not None
     assert manifest.attempt == fleet.job(job_id).attempt == attempt
-    states = [e["data"] for _, e in fleet.client.xrange(f"gcvec:events:{job_id}") if e["type"] == "state"]
-    assert states == ["succeeded"]
+    assert ends_of(fleet, job_id) == ["succeeded"]
     assert_nothing_left(fleet, job_id)
     report = api.http.get(f"/v1/jobs/{job_id}/report").json()
     assert report["mse"] <= OPTIONS["target_mse"]
@@ -96,7 +96,7 @@ def assert_done_once(fleet: Fleet, api: Api, job_id: str, attempt: int) -> None:
 
 def assert_nothing_left(fleet: Fleet, job_id: str) -> None:
     """No file of a part, and no claim but those that are forgotten in time."""
-    assert [path for path in fleet.files(job_id) if "/round-" in path] == []
+    within(10, lambda: [path for path in fleet.files(job_id) if "/round-" in path] == [])
     job = fleet.records.get(job_id)
     current = job.attempt if job else 1
     for key in fleet.client.keys("gcvec:parts:*"):
@@ -152,8 +152,7 @@ def test_a_job_whose_coordinator_is_killed_is_made_by_another_attempt(shared: Fl
     in_charge(workers, job_id).kill()
     assert api.outcome(job_id, 150)["status"] == "succeeded"
     assert_done_once(shared, api, job_id, 2)
-    attempts = {path.split("/")[2] for path in shared.files(job_id) if "/attempt-" in path}
-    assert attempts == {"attempt-2"}
+    within(10, lambda: attempts_in(shared, job_id) == {"attempt-2"})
 
 
 def test_a_cancelled_job_stops_all_and_leaves_nothing(shared: Fleet) -> None:
