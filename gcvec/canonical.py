@@ -138,6 +138,8 @@ def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
 
     None where there are no such curves, or all of them are followed as closely as can be.
     """
+    if not len(corners):
+        return None
     network, samples = foundation.network, foundation.samples
     on_boundary = np.unique(corners[corners < len(samples)])
     curves = set(samples.curve[on_boundary].tolist())

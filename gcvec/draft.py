@@ -50,4 +50,4 @@ def by_rows(points: Ints) -> Ints:
 
 def measured_mse(image: VectorImage, pixels: NDArray[np.uint8]) -> float:
     """Mean squared error of the rendered picture against the photo `(h, w, 3) uint8`."""
-    return float(squared_error(image.render(), pixels).mean())
+    return float(squared_error(image.picture, pixels).mean())

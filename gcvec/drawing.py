@@ -72,11 +72,12 @@ def draw(
         curve = np.repeat(samples.segment_curve[cut], pieces[cut] - 1)
         control, weight = network.family.basis(curve, extra)
         first = len(mesh.vertices) + np.cumsum(pieces[cut] - 1) - (pieces[cut] - 1)
-        triangles, patch = _fan(mesh, samples.segments[cut], first, pieces[cut] - 1)
+        triangles, patch, n_whole = _fan(mesh, samples.segments[cut], first, pieces[cut] - 1)
         between = np.einsum("nk,nkd->nd", weight, control_points[control])
         image = np.concatenate([on_curve, interior, between])
         # Where the polyline would turn a triangle of the fan over, the segment is drawn as its chord.
-        corners = triangles[folded(image, triangles)]
+        fans = triangles[n_whole:]
+        corners = fans[folded(image, fans)]
         added = corners[corners >= len(mesh.vertices)]
         if not len(added):
             break
@@ -115,33 +116,30 @@ def _extra_parameters(samples: BoundarySamples, cut: Ints, pieces: Ints) -> Floa
     return np.asarray(u[:, 0] + (u[:, 1] - u[:, 0]) * within / np.repeat(pieces, pieces - 1))
 
 
-def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, Ints]:
+def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, Ints, int]:
     """Triangles with their edges along `segments` replaced by the polylines through `count` points from
-    `first`.
+    `first`, their patches, and how many of them, at the beginning, are triangles of the mesh.
 
     A triangle with such an edge becomes a fan about the opposite corner. One with several is fanned once for
-    each: after
-    the first pass each further edge belongs to just one triangle of the fan.
+    each: after the first pass each further edge belongs to just one triangle of the fan.
     """
     triangles, patch = mesh.triangles, mesh.patch
     if not len(segments):
-        return triangles, patch
+        return triangles, patch, len(triangles)
     n = len(mesh.vertices) + int(count.sum())
     keys = np.concatenate([segments[:, 0] * n + segments[:, 1], segments[:, 1] * n + segments[:, 0]])
     order = np.argsort(keys)
     keys = keys[order]
     which, forward = order % len(segments), order < len(segments)
-    todo = np.ones(len(triangles), bool)
-    for _ in range(3):
+
+    def fans_of(triangles: Ints) -> tuple[Ints, Ints, Ints]:
+        """Those of the triangles that have such an edge, the triangles of their fans, and which of them each
+        of these belongs to."""
         edges = triangles * n + np.roll(triangles, -1, axis=1)
         at = np.minimum(np.searchsorted(keys, edges), len(keys) - 1)
-        hit = (keys[at] == edges) & todo[:, None]
-        corner = hit.argmax(axis=1)
-        fanned = np.flatnonzero(hit.any(axis=1))
-        if not len(fanned):
-            break
-        rows = np.arange(len(triangles))[fanned]
-        k = corner[fanned]
+        hit = keys[at] == edges
+        rows = np.flatnonzero(hit.any(axis=1))
+        k = hit[rows].argmax(axis=1)
         at = at[rows, k]
         a, b, apex = triangles[rows, k], triangles[rows, (k + 1) % 3], triangles[rows, (k + 2) % 3]
         number = count[which[at]]
@@ -151,10 +149,24 @@ def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, In
         point = first[which[at]][owner] + along
         start = np.where(step == 0, a[owner], point - np.where(forward[at][owner], 1, 0))
         end = np.where(step == number[owner], b[owner], point - np.where(forward[at][owner], 0, 1))
-        new = np.stack([start, end, apex[owner]], axis=1)
-        keep = np.ones(len(triangles), bool)
-        keep[rows] = False
-        triangles = np.concatenate([triangles[keep], new])
-        patch = np.concatenate([patch[keep], patch[rows][owner]])
-        todo = np.concatenate([np.zeros(keep.sum(), bool), np.ones(len(new), bool)])
-    return triangles, patch
+        return rows, np.stack([start, end, apex[owner]], axis=1), rows[owner]
+
+    # Only triangles with two boundary samples can have such an edge.
+    beside = np.flatnonzero((triangles < mesh.n_samples).sum(axis=1) > 1)
+    rows, fans, owner = fans_of(triangles[beside])
+    whole = np.ones(len(triangles), bool)
+    whole[beside[rows]] = False
+    parts = [(triangles[whole], patch[whole])]
+    fan_patch = patch[beside[owner]]
+    for _ in range(2):
+        rows, finer, owner = fans_of(fans)
+        whole = np.ones(len(fans), bool)
+        whole[rows] = False
+        parts.append((fans[whole], fan_patch[whole]))
+        fans, fan_patch = finer, fan_patch[owner]
+    parts.append((fans, fan_patch))
+    return (
+        np.concatenate([own for own, _ in parts]),
+        np.concatenate([of for _, of in parts]),
+        len(parts[0][0]),
+    )

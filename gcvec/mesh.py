@@ -193,9 +193,12 @@ def _patch_of_triangles(
     sides = np.concatenate([right, left])
     order = np.argsort(keys)
     keys, sides = keys[order], sides[order]
-    edges = triangles * n_vertices + np.roll(triangles, -1, axis=1)
+    # Only triangles with two boundary samples can lie at one.
+    beside = np.flatnonzero((triangles <= segments.max()).sum(axis=1) > 1)
+    edges = triangles[beside] * n_vertices + np.roll(triangles[beside], -1, axis=1)
     at = np.minimum(np.searchsorted(keys, edges), len(keys) - 1)
-    side = np.where(keys[at] == edges, sides[at], -2)
+    side = np.full(triangles.shape, -2)
+    side[beside] = np.where(keys[at] == edges, sides[at], -2)
     return np.asarray(_spread(side, neighbours))
 
 

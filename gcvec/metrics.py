@@ -64,8 +64,7 @@ def compare(pixels: NDArray[np.uint8], image: VectorImage, n_bytes: int) -> Repo
             f"the picture is {width} x {height} pixels, the vector image {image.width} x {image.height}",
             code="size-mismatch",
         )
-    rendered = image.render()
-    square = squared_error(rendered, pixels)
+    square = squared_error(image.picture, pixels)
     mse = float(square.mean())
     return Report(
         width=width,
@@ -76,7 +75,7 @@ def compare(pixels: NDArray[np.uint8], image: VectorImage, n_bytes: int) -> Repo
         mse_raw=float(squared_error(image.render(raw=True), pixels).mean()),
         mae=float(np.sqrt(square).mean()),
         psnr=psnr(mse),
-        ssim=ssim(pixels, rendered),
+        ssim=ssim(pixels, image.picture),
         bytes=n_bytes,
         foldovers=image.foldovers,
         regions=_regions(image, square.mean(axis=2)),

@@ -121,6 +121,11 @@ class VectorImage:
         return to_8_bit(picture)
 
     @cached_property
+    def picture(self) -> NDArray[np.uint8]:
+        """The picture at its own size, as `render` gives it; made once."""
+        return self.render()
+
+    @cached_property
     def _file(self) -> bytes:
         from gcvec.codec import encode
 

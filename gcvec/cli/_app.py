@@ -8,8 +8,7 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from importlib.metadata import entry_points, version
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
@@ -33,22 +32,32 @@ class Commands(TyperGroup):
     """
 
     def list_commands(self, ctx: Any) -> list[str]:
+        from importlib.metadata import entry_points
+
         added = sorted(entry_points(group="gcvec.commands").names - set(engine_commands()))
         return engine_commands() + added
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in engine_commands():
             function = getattr(import_module(f"gcvec.cli.{cmd_name}"), cmd_name)
-        elif found := tuple(entry_points(group="gcvec.commands", name=cmd_name)):
-            try:
-                function = found[0].load()
-            except ModuleNotFoundError as missing:
-                function = _needs(cmd_name, missing.name or "?")
+        elif (added := _added_command(cmd_name)) is not None:
+            function = added
         else:
             return None
         app = typer.Typer(add_completion=False)
         app.command(cmd_name)(function)
         return typer.main.get_command(app)
+
+
+def _added_command(name: str) -> Callable[..., Any] | None:
+    from importlib.metadata import entry_points
+
+    for found in entry_points(group="gcvec.commands", name=name):
+        try:
+            return cast("Callable[..., Any]", found.load())
+        except ModuleNotFoundError as missing:
+            return _needs(name, missing.name or "?")
+    return None
 
 
 def _needs(command: str, module: str) -> Callable[[], None]:
@@ -64,6 +73,8 @@ def _needs(command: str, module: str) -> Callable[[], None]:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         print(f"gcvec {version('gcvec')}")
         raise typer.Exit
 

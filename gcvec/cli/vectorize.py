@@ -20,7 +20,7 @@ from gcvec.cli._options import (
     TargetBytes,
     TargetMse,
 )
-from gcvec.cli._progress import progress_bar, quick_interrupt
+from gcvec.cli._progress import no_garbage_collection, progress_bar, quick_interrupt
 from gcvec.options import Options
 
 if TYPE_CHECKING:
@@ -79,13 +79,14 @@ def vectorize(
         target_bytes=target_bytes,
     )
     require_folder(output, report, preview)
-    picture = load_picture(image, matte)
-    annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
+    with no_garbage_collection():
+        picture = load_picture(image, matte)
+        annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
 
-    from gcvec import vectorize
+        from gcvec import vectorize
 
-    with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
-        result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
+        with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
+            result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
     warn(annotations or image, result.warnings)
     write(output, result.to_bytes())
     if report and result.report:
