@@ -21,7 +21,7 @@ def vectorized(
 
     The engine is warm: its kernels are loaded before the clock starts.
     """
-    from worker.warmup import warm_up
+    from gcvec.warm_up import warm_up
 
     pixels = picture(name, megapixels)
     warm_up()

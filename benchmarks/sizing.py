@@ -19,9 +19,9 @@ from PIL import Image
 
 from benchmarks.pictures import picture
 from gcvec import Options
+from gcvec.warm_up import warm_up
 from worker.produce import produce
 from worker.settings import Settings
-from worker.warmup import warm_up
 
 PICTURES = ("astronaut", "coffee")
 MEGAPIXELS = (0.1, 0.25, 0.5, 1.0)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.adaptive_prediction import FURTHEST, correction, learn, nearest_integer
 from gcvec.color_coding import FRACTION, rounded
 from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, sign, size_class
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.mixing import Model, place_contexts
 
 Floats = NDArray[np.float64]
@@ -24,7 +23,7 @@ BOUNDARY_COUNTERS, BOUNDARY_ROWS, BOUNDARY_INPUTS = 3 * _AXIS_COUNTERS, 3 * NODE
 _UNKNOWN_STEP = 8
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def code_boundary_colors(
     coder: Coder,
     model: Model,

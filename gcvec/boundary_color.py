@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.boundary import Network
 from gcvec.color_space import LEFT, RIGHT, ColorSpace
+from gcvec.kernels import kernel
 from gcvec.least_squares import NormalEquations, solve_bounded
 from gcvec.planar_graph import OUTSIDE
 from gcvec.profile import color_at
@@ -96,7 +96,7 @@ def medians(values: Floats, group: Ints, n_groups: int) -> Floats:
     return np.asarray((ordered[first + (count - 1) // 2] + ordered[first + count // 2]) / 2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mean_colors(picture, labels, n_regions):
     """The mean colour `(n, 3)` of every region."""
     total, area = np.zeros((n_regions, 3)), np.zeros(n_regions)
@@ -110,7 +110,7 @@ def mean_colors(picture, labels, n_regions):
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gradient_strength(picture, ys, xs):
     """The mean over 3 x 3 pixels of the Sobel magnitude, per pixel, at pixels `ys`, `xs` `(n,)`.
 
@@ -130,7 +130,7 @@ def gradient_strength(picture, ys, xs):
     return strength
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sobel(picture, y, x):
     """Root mean square over the channels of the Sobel magnitude."""
     height, width = picture.shape[:2]
@@ -153,7 +153,7 @@ def _pixel(position: Floats, shape: tuple[int, ...]) -> tuple[Ints, Ints]:
     return y, x
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _inward(labels):
     """For every pixel the nearest pixel, among those reached inside its region, whose 3x3 block is all of
     that region."""
@@ -225,7 +225,7 @@ def fit_boundary_colors(
     return solve_bounded(equations, start, 200, 1e-4)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def colors_at(picture, position):
     """The picture at places `(n, 2)`, interpolated between pixel centres, clamped at the frame."""
     colors = np.empty((len(position), 3))

@@ -9,13 +9,14 @@ matter at u, and their four weights.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gcvec.kernels import kernel
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def knot(i: int, m: int, closed: bool) -> float:
     k = i - 3
     if closed:
@@ -23,7 +24,7 @@ def knot(i: int, m: int, closed: bool) -> float:
     return float(min(max(k, 0), m))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spline_weights(u, m, closed, out):
     """Cox-de Boor at one parameter; returns the segment, fills the four weights."""
     segment = min(max(int(np.floor(u)), 0), m - 1)
@@ -42,7 +43,7 @@ def spline_weights(u, m, closed, out):
     return segment
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spline_basis(u, m, closed):
     n_control = m if closed else m + 3
     index = np.empty((len(u), 4), np.int64)
@@ -54,7 +55,7 @@ def spline_basis(u, m, closed):
     return index, weight
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _evaluate(control, index, weight):
     out = np.zeros((len(index), control.shape[1]))
     for j in range(len(index)):
@@ -82,7 +83,7 @@ def evaluate(control: Floats, u: Floats, closed: bool = False) -> Floats:
     return points
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _blossom(control: Floats, u: float, v: float, w: float, closed: bool, out: Floats) -> None:
     m = len(control) if closed else len(control) - 3
     mean = (u + v + w) / 3
@@ -102,7 +103,7 @@ def _blossom(control: Floats, u: float, v: float, w: float, closed: bool, out: F
         out[c] = local[0]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _refine(control, closed):
     m = len(control) if closed else len(control) - 3
     n = 2 * m if closed else 2 * m + 3
@@ -113,7 +114,7 @@ def _refine(control, closed):
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spline_bezier(control, closed, out):
     """Fill `(m, 4, d)` with the Bézier control points of the m segments."""
     for s in range(len(out)):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation
+from gcvec.kernels import kernel
 
 CLEARANCE = 0.15
 """Control points keep this far from the edges of their parameter polygon, pixels."""
@@ -19,7 +19,7 @@ def room(foundation: Foundation, clearance: float = CLEARANCE) -> NDArray[np.boo
     return np.asarray(_clear_of(ends, network.width, network.height, clearance))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _clear_of(edges, width, height, clearance):
     clear = np.ones((height, width), np.bool_)
     for e in range(len(edges)):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from gcvec.kernels import kernel
 
 SLIVER_AREA = 16
 """Components of fewer pixels are no regions."""
@@ -16,7 +17,7 @@ def connected_components(owners: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray(_components(np.ascontiguousarray(owners)))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _components(owners):
     """Runs of equal owners are joined as they are met; what is joined goes by the number met first."""
     height, width = owners.shape
@@ -44,7 +45,7 @@ def _components(owners):
     return labels
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def join(parent, a, b):
     """Unite the sets of `a` and `b`, in place: `parent` `(n,)` leads from each element to the least of its
     set, which is its own parent."""
@@ -57,7 +58,7 @@ def join(parent, a, b):
     parent[max(a, b)] = min(a, b)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def set_numbers(parent):
     """The set `(n,)` of each element, numbered from 0 in the order of their least elements."""
     number = np.empty_like(parent)
@@ -94,7 +95,7 @@ def absorb_slivers(owners: NDArray[np.int32], min_area: int = SLIVER_AREA) -> ND
         _repaint(owners, labels, areas, pixels[order], np.append(starts, len(pixels)), min_area)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _repaint(
     owners: NDArray[np.int32],
     labels: NDArray[np.int32],

@@ -13,11 +13,11 @@ control points of the curves.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.bspline import spline_weights
+from gcvec.kernels import kernel
 from gcvec.samples import BoundarySamples
 from gcvec.spline_family import SplineFamily
 
@@ -68,7 +68,7 @@ def coons(
     return sparse.csr_array((weights, controls, start), shape=(n_rows, n_controls))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _coons(
     indptr,
     indices,
@@ -140,7 +140,7 @@ def _coons(
     return start, controls[:n_out].copy(), weights[:n_out].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add(control, weight, total, touched, used, n_used):
     """Add to the weight of a control point, listed once in `used`; returns how many are listed."""
     if weight == 0.0:

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.borders import Border, Borders, Loop, with_nodes_in_order
 from gcvec.chains import Chains, chains_of
+from gcvec.kernels import kernel
 from gcvec.profile import step_shifts
 
 Floats = NDArray[np.float64]
@@ -87,7 +87,7 @@ def _blunt(apex: Floats, inward: Floats, picture: Floats) -> NDArray[np.bool_]:
     return np.asarray((trust > 0.5) & (depth > sharp + ROUNDING))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def corner_gains(points, trust, offsets, closed, side):
     """How many times more a parabola leaves than two lines through `side` samples each do, `(n,)`, 0 where
     there is no corner to see; where the lines meet, `(n, 2)`, and the direction that halves their angle, as
@@ -131,7 +131,7 @@ def corner_gains(points, trust, offsets, closed, side):
     return gains, apexes, inward
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _line(points, direction, middle):
     """The line through points `(k, 2)`: fills its direction and a point on it; returns the squared distances
     left."""
@@ -151,7 +151,7 @@ def _line(points, direction, middle):
     return max((xx + yy - np.hypot(xx - yy, 2 * xy)) / 2, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _left_by_parabola(points):
     """Squared distances of points `(k, 2)` from a parabola over their chord.
 

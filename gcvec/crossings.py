@@ -9,8 +9,9 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gcvec.kernels import kernel
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -70,7 +71,7 @@ def _cells(segments: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return segment[order], starts
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cells_met(segments, low, columns, rows):
     """Pairs of cell and segment: in every row of cells, those that the segment's part there spans, with a
     margin."""
@@ -100,7 +101,7 @@ def _cells_met(segments, low, columns, rows):
     return cell[:n], segment[:n]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _orientation(a, b, p):
     """Sign of the side of p seen from a to b; 2 where rounding decides."""
     left = (b[0] - a[0]) * (p[1] - a[1])
@@ -110,12 +111,12 @@ def _orientation(a, b, p):
     return 1 if left > right else -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _same(a, b):
     return a[0] == b[0] and a[1] == b[1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pair(one, other):
     """Whether two segments meet where they must not: 0, 1, or 2 if that is left to exact arithmetic."""
     a, b, c, d = one[0], one[1], other[0], other[1]
@@ -142,7 +143,7 @@ def _pair(one, other):
     return 2 if 2 in (first, second, third, fourth) else 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _crossing(segments, asked, cells, starts):
     """Which segments cross, `(n,)`, and the pairs `(k, 2)` left to exact arithmetic."""
     empty = np.zeros(len(segments), np.bool_)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, size_class
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.mixing import Model, code_decision
 
 Ints = NDArray[np.int64]
@@ -47,7 +46,7 @@ def _code_flag(coder: Coder, model: Model, flag: int, context: int, bit: int) ->
     return coded
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def code_topology(coder: Coder, model: Model, table: Ints) -> None:
     """Write the table of curves `(c, 7)`, or read it. Nodes must be numbered in the order in which curves
     meet them.
@@ -97,7 +96,7 @@ def code_topology(coder: Coder, model: Model, table: Ints) -> None:
         )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _code_node(coder: Coder, model: Model, flag: int, node: int, next_node: int) -> int:
     if _code_flag(coder, model, flag, 0, 1 if node == next_node else 0):
         return next_node

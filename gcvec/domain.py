@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.boundary import Network
 from gcvec.crossings import crossing_segments
+from gcvec.kernels import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -63,7 +63,7 @@ def raise_levels(network: Network, which: Iterable[int]) -> Network:
     return network.at_levels(levels)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _chord_distance(points, a, b, p):
     """Distance of `points[p]` from the segment between `points[a]` and `points[b]`."""
     dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
@@ -73,7 +73,7 @@ def _chord_distance(points, a, b, p):
     return np.hypot(px - t * dx, py - t * dy)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _douglas_peucker(points, starts, fewest, tolerance):
     kept = np.zeros(len(points), np.bool_)
     stack = np.empty((len(points) + 3, 2), np.int64)

@@ -12,10 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 
 # Slots of a coder's state.
 _WRITING, _LOW, _RANGE, _CACHE, _PENDING, _AT, _CODE, _PAST_END = range(8)
@@ -63,7 +62,7 @@ def overrun(coder: Coder) -> int:
     return int(coder.state[_PAST_END])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _emit(coder: Coder, byte: int) -> None:
     at = coder.state[_AT]
     if at < len(coder.data):
@@ -71,7 +70,7 @@ def _emit(coder: Coder, byte: int) -> None:
     coder.state[_AT] = at + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _shift_out(coder: Coder) -> None:
     state = coder.state
     low = state[_LOW]
@@ -86,7 +85,7 @@ def _shift_out(coder: Coder) -> None:
     state[_LOW] = (low & 0x00FFFFFF) << 8
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _shift_in(coder: Coder) -> None:
     state = coder.state
     at = state[_AT]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from gcvec.kernels import kernel
 
 UNCOVERED = -1
 
@@ -30,7 +31,7 @@ def close_gaps(owners: NDArray[np.int32]) -> None:
         return
     components: NDArray[np.int32] = np.asarray(ndimage.label(thin, np.ones((3, 3)))[0], dtype=np.int32)
     gaps = _is_gap(owners, components)[components]
-    _take_nearest(owners, owners.copy(), np.argwhere(gaps), _offsets(_REACH))
+    _take_nearest(owners, owners.copy(), np.ascontiguousarray(np.argwhere(gaps)), _offsets(_REACH))
 
 
 def _eroded(mask: _Mask, rows: bool, columns: bool) -> _Mask:
@@ -85,7 +86,7 @@ def _offsets(reach: int) -> NDArray[np.int64]:
     return np.array([(dy, dx) for _, dy, dx in sorted(offsets)])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_gap(owners: NDArray[np.int32], components: NDArray[np.int32]) -> _Mask:
     """Per thin component (0 is none): whether it touches two owners, or one and a stretch of the frame."""
     count = components.max() + 1
@@ -111,7 +112,7 @@ def _is_gap(owners: NDArray[np.int32], components: NDArray[np.int32]) -> _Mask:
     return gap
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _take_nearest(
     owners: NDArray[np.int32],
     before: NDArray[np.int32],

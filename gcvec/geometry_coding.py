@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.adaptive_prediction import correction, learn, nearest_integer
 from gcvec.curve_coding import END, START
 from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, sign, size_class
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.mixing import Model, place_contexts
 
 Ints = NDArray[np.int64]
@@ -41,7 +40,7 @@ def _code_coordinate(
     return coded
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def code_geometry(coder: Coder, model: Model, table: Ints, offsets: Ints, nodes: Ints, control: Ints) -> None:
     """Write node positions `(k, 2)` and control points `(n, 2)` in grid steps, or read them.
 

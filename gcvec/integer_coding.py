@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.entropy import Coder
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.mixing import Model, code_decision
 
 LONGEST = 24
@@ -69,7 +68,7 @@ def sign(value: int) -> int:
     return 0 if value == 0 else 1 if value > 0 else 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def code_sequence(coder: Coder, model: Model, values: NDArray[np.int64]) -> None:
     """Write integers, or read them into `values`, each predicted by its place among the first 15 and by the
     one before."""

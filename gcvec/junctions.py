@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.chains import Chains
+from gcvec.kernels import kernel
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def meeting_points(chains: Chains, points: Floats, trust: Floats, nodes: Floats)
     return np.asarray(_meeting_points(first, last, chains.nodes[open_], points, trust, nodes))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _meeting_points(first, last, ends, points, trust, nodes):
     # Of every node the matrix, xx, xy, yy, and the right-hand side of its normal equations.
     xx, xy, yy = np.full(len(nodes), INERTIA), np.zeros(len(nodes)), np.full(len(nodes), INERTIA)
@@ -64,7 +64,7 @@ def _meeting_points(first, last, ends, points, trust, nodes):
     return placed
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def end_tangent(samples, trust, node, tangent):
     """Fill `tangent` with a point, x and y, on the tangent of a border at its end, and the unit normal there;
     returns how surely it is known, in [0, 1].
@@ -107,7 +107,7 @@ def end_tangent(samples, trust, node, tangent):
     return min(max((total - 0.5) / 4, 0.0), 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _parabola(s, d, weight, stiffness):
     """The a, b and c of the parabola a + b s + c s² through d, in weighted least squares with a stiff c."""
     m0, m1, m2, m3, m4 = 1e-9, 0.0, 0.0, 0.0, stiffness

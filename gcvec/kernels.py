@@ -1,16 +1,132 @@
-"""How loops are compiled."""
+"""How loops are compiled.
+
+numba compiles a kernel for the types it is called with, at the first call, and keeps it on disk. To load a
+hundred of them that way takes longer than many a picture. So the calls that pictures need are recorded once,
+when the package is set up, and their kernels compiled into one library (`gcvec.kernel_library`), which is
+there at once and without numba. Other calls, and all of them where there is no library or the sources have
+changed since, go the first way.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+import json
+import zlib
+from collections.abc import Callable, Mapping
+from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from typing import Any, Protocol
 
-from numba import njit
+import numpy as np
 
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+PACKAGE = Path(__file__).parent
+LIBRARY_NAME = "gcvec_kernels"
+LIBRARY = PACKAGE / "__pycache__" / f"{LIBRARY_NAME}{EXTENSION_SUFFIXES[0]}"
+CONTENTS = LIBRARY.with_suffix(".json")
 
-bare_kernel = njit(**_OPTIONS)
-"""Compiles a function that allocates nothing: it works in the arrays it is given.
+Kinds = tuple[Any, ...]
 
-Nothing is reference-counted in it. For small functions that are handed many arrays, and called for every
-triangle, that is most of the time they would take.
-"""
+_SCALARS = {int: "int64", np.int64: "int64", float: "float64", np.float64: "float64", np.bool_: "bool"}
+
+
+def kinds(values: tuple[Any, ...]) -> Kinds:
+    """What kernels tell apart about their arguments: calls with equal kinds run the same machine code."""
+    return tuple(map(_kind, values))
+
+
+def _kind(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        flags = value.flags
+        layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+        return value.dtype.str, value.ndim, layout, flags.writeable, flags.aligned
+    if isinstance(value, tuple):
+        return type(value).__name__, *map(_kind, value)
+    return _SCALARS.get(type(value)) or type(value).__name__
+
+
+class Recorder(Protocol):
+    """Whoever wants to know of all calls of kernels."""
+
+    def call(self, kernel: Kernel, arguments: tuple[Any, ...]) -> Any:
+        """Do the call."""
+        ...
+
+
+class Kernel:
+    """A function that runs as machine code, and without the interpreter's lock. Kernels can call each other.
+
+    name     its module's and its own
+    """
+
+    recorder: Recorder | None = None
+    """Where all calls go, if it is there."""
+
+    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+        functools.update_wrapper(self, function)
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        self._function = function
+        self._options = options
+        self._known = library().get(self.name, {})
+
+    @functools.cached_property
+    def jitted(self) -> Any:
+        """numba's dispatcher for the function."""
+        from numba import njit
+
+        return njit(cache=True, nogil=True, **self._options)(self._function)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """By this numba takes a kernel that another one calls for its dispatcher."""
+        return self.jitted._numba_type_
+
+    def __call__(self, *arguments: Any) -> Any:
+        if Kernel.recorder is not None:
+            return Kernel.recorder.call(self, arguments)
+        known = self._known.get(kinds(arguments))
+        return self.jitted(*arguments) if known is None else known(*arguments)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compiles a function."""
+    return Kernel(function)
+
+
+def bare_kernel(function: Callable[..., Any]) -> Any:
+    """Compiles a function that allocates nothing: it works in the arrays it is given, and returns none.
+
+    Nothing is reference-counted in it. For small functions that are handed many arrays, and called for every
+    triangle, that is most of the time they would take.
+    """
+    return Kernel(function, error_model="numpy", _nrt=False)
+
+
+@functools.cache
+def library() -> Mapping[str, Mapping[Kinds, Callable[..., Any]]]:
+    """The kernels of the library, by name and kinds of arguments; none where it is missing or out of date."""
+    try:
+        contents = json.loads(CONTENTS.read_text())
+        if contents["sources"] != sources_stamp():
+            return {}
+        loader = ExtensionFileLoader(LIBRARY_NAME, str(LIBRARY))
+        module = module_from_spec(spec_from_loader(LIBRARY_NAME, loader))  # type: ignore[arg-type]
+        loader.exec_module(module)
+    except (OSError, ImportError, ValueError, KeyError, TypeError):
+        return {}
+    found: dict[str, dict[Kinds, Callable[..., Any]]] = {}
+    for call in contents["calls"]:
+        found.setdefault(call["kernel"], {})[_as_tuple(call["kinds"])] = getattr(module, call["symbol"])
+    return found
+
+
+def sources_stamp() -> int:
+    """A checksum of all the sources that kernels are compiled from."""
+    stamp = 0
+    for path in sorted(PACKAGE.rglob("*.py")):
+        stamp = zlib.crc32(path.read_bytes(), stamp)
+    return stamp
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(map(_as_tuple, value)) if isinstance(value, list) else value

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.parallel import in_shares
 
 Floats = NDArray[np.float64]
@@ -60,11 +59,13 @@ def misfit(design: sparse.csr_array, values: Floats, target: NDArray[np.float32]
 
 def from_pixels(design: sparse.csr_array, picture: NDArray[np.float32]) -> Floats:
     """Bᵀ y for B `(p, k)` and y `(p, 3)`."""
-    rows = (design.indptr, design.indices, design.data, picture)
-    shares = in_shares(
-        lambda first, last: _scatter(*rows, first, last, np.zeros((design.shape[1], 3))), len(picture)
-    )
-    return np.asarray(sum(shares))
+
+    def share(first: int, last: int) -> Floats:
+        part = np.zeros((design.shape[1], 3))
+        _scatter(design.indptr, design.indices, design.data, picture, first, last, part)
+        return part
+
+    return np.asarray(sum(in_shares(share, len(picture))))
 
 
 @bare_kernel
@@ -94,7 +95,6 @@ def _scatter(indptr, indices, data, y, first, last, out):
             out[column, 0] += weight * y[row, 0]
             out[column, 1] += weight * y[row, 1]
             out[column, 2] += weight * y[row, 2]
-    return out
 
 
 def energies(design: sparse.csr_array) -> Floats:
@@ -110,7 +110,7 @@ def _add_squares(indices, data, total):
         total[indices[e]] += data[e] * data[e]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gram_product(indptr, indices, data, x, first, last):
     """The share of the rows `first` to `last` in BᵀB x, for B in compressed rows and x `(k, 3)`."""
     out = np.zeros_like(x)

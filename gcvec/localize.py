@@ -8,7 +8,6 @@ to where the step of equal area would stand; nodes move to where the borders tha
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.borders import Borders
@@ -17,6 +16,7 @@ from gcvec.contraction import without_shortest
 from gcvec.corners import cut_at_corners
 from gcvec.fairing import faired
 from gcvec.junctions import meeting_points
+from gcvec.kernels import kernel
 from gcvec.parallel import in_shares
 from gcvec.profile import step_shifts
 
@@ -104,7 +104,7 @@ def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> 
     return shift + _running_median(shaded, chains.offsets, chains.closed), trust
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _running_median(values, offsets, closed):
     """The median `(n,)` of the values known, not NaN, within `SHADING` samples along the chains, the smaller
     the less sure it is; 0 where they are few."""
@@ -142,7 +142,7 @@ def _clearance(nodes: Floats) -> Floats:
     return np.asarray(np.maximum(0.45 * _nearest_other(nodes), 0.45))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest_other(nodes):
     """The distance `(k,)` of every node from the nearest other one, infinite if all are `REMOTE`."""
     order = np.argsort(nodes[:, 0])
@@ -193,7 +193,7 @@ def _clear_of_nodes(chains: Chains, points: Floats, nodes: Floats, blur: Floats)
     return np.where(chains.closed[chains.of_sample], 1.0, clear)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _spread(trust, offsets, closed):
     """The trust `(n,)` that the best neighbours lend: between and beside sure samples a border is known."""
     lent = trust.copy()

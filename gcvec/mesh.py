@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pythoncdt
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.boundary import Network
+from gcvec.kernels import kernel
 from gcvec.samples import BoundarySamples
 
 Floats = NDArray[np.float64]
@@ -76,7 +76,7 @@ def jitter(points: NDArray[np.int64], origin: tuple[int, int] = (0, 0)) -> Float
     return np.asarray(_jitter(np.asarray(points, np.int64) + begin) - begin)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def jittered(x, y):
     """The position of one control point."""
     mask = np.uint64(0xFFFFFFFF)
@@ -88,7 +88,7 @@ def jittered(x, y):
     return x + 0.5 + 0.1 * (across / 65536 - 0.5), y + 0.5 + 0.1 * (down / 65536 - 0.5)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _jitter(points):
     result = np.empty(points.shape)
     for i in range(len(points)):
@@ -202,7 +202,7 @@ def _patch_of_triangles(
     return np.asarray(_spread(side, neighbours))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _spread(side, neighbours):
     n = len(side)
     patch = np.full(n, -2, np.int64)

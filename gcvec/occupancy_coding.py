@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.entropy import Coder
 from gcvec.integer_coding import size_class
+from gcvec.kernels import kernel
 from gcvec.mixing import Model, code_decision
 
 _REACH = 7
@@ -21,7 +21,7 @@ OCCUPANCY_COUNTERS = _BY_PATTERN + 2048
 OCCUPANCY_ROWS, OCCUPANCY_INPUTS = 24 * _BANDS, 5
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def code_occupancy(coder: Coder, model: Model, occupied: NDArray[np.uint8]) -> None:
     """Write a bitmap `(h, w)`, or read it, row by row.
 

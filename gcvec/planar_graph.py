@@ -14,8 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gcvec.kernels import kernel
 
 OUTSIDE = -1
 
@@ -64,7 +65,7 @@ class PlanarGraph:
     loops: tuple[tuple[tuple[tuple[int, bool], ...], ...], ...]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cracks(padded):
     """`(h+1, w+1) uint8`: bit d is set where a crack leaves this lattice point to the east, south, west,
     north; and the number of cracks."""
@@ -82,7 +83,7 @@ def _cracks(padded):
     return cracks, total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nodes(cracks):
     """`(k, 2) int32` lattice points that are nodes, in raster order, and `(h+1, w+1) int32` their numbers, -1
     elsewhere."""
@@ -104,7 +105,7 @@ def _nodes(cracks):
     return nodes, node_at
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _trace(cracks, total, nodes, node_at):
     """Walk every crack once: first from the nodes, then around what meets none.
 
@@ -133,7 +134,7 @@ def _trace(cracks, total, nodes, node_at):
     return points[:n_points].copy(), offsets[: n_arcs + 1].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _walk(cracks, todo, node_at, x0, y0, d, points, n_points):
     """Write the lattice points from (x0, y0), leaving it in the direction d, to the next node or back;
     returns the new number of points."""

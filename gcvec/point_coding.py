@@ -9,14 +9,13 @@ be, and of which sign, is told by the differences nearby, and by those of the ax
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.adaptive_prediction import FURTHEST, correction, learn, nearest_integer
 from gcvec.color_coding import FRACTION, rounded
 from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, sign, size_class
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.mixing import Model, place_contexts
 
 Floats = NDArray[np.float64]
@@ -48,7 +47,7 @@ _AXIS_ROWS = _SELECTORS * NODES
 POINT_COUNTERS, POINT_ROWS, POINT_INPUTS = 3 * _AXIS_COUNTERS, 3 * _AXIS_ROWS, _SIZE_CONTEXTS
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def code_point_colors(
     coder: Coder,
     model: Model,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from gcvec.kernels import kernel
 
 
 class Fill(NamedTuple):
@@ -42,7 +43,7 @@ def fill_ring(canvas: NDArray[np.int32], ring: NDArray[np.float64], value: int) 
     return Fill(int(painted), bool(highest - lowest > 1))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_left_of_centre(
     top: NDArray[np.float64], bottom: NDArray[np.float64], edge: int, row: int, column: int
 ) -> bool:
@@ -51,7 +52,7 @@ def _is_left_of_centre(
     return bool((column + 0.5 - top[edge, 0]) * dy >= (row + 0.5 - top[edge, 1]) * dx)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _first_column(
     top: NDArray[np.float64], bottom: NDArray[np.float64], edge: int, row: int, width: int
 ) -> int:
@@ -66,7 +67,7 @@ def _first_column(
     return column
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _fill_rows(
     canvas: NDArray[np.int32],
     value: np.int32,

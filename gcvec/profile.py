@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from gcvec.kernels import kernel
 
 REACH = 2.5
 """The profile is read this far to either side, pixels."""
@@ -31,7 +32,7 @@ UNEVEN = 0.3
 _PER_SIDE, _FLANK = round(REACH / SPACING), round(FLANK / SPACING)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def color_at(picture, x, y, out):
     """Bilinear interpolation between pixel centres, clamped at the frame."""
     height, width = picture.shape[:2]
@@ -46,7 +47,7 @@ def color_at(picture, x, y, out):
         out[c] = (1 - t) * top + t * bottom
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _line_through(profile, sign, sloped, color, slope):
     """A side's colour on the line and its change a pixel, by least squares through the samples of the
     flank on the side `sign`; without a slope their mean. Returns the mean squared distance of the samples."""
@@ -68,7 +69,7 @@ def _line_through(profile, sign, sloped, color, slope):
     return spread
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sides(profile, sloped, low, low_slope, high, high_slope):
     """Both sides' lines; returns the squares of the step between them, of how far they spread and of how far
     they change between the line and their flanks."""
@@ -82,7 +83,7 @@ def _sides(profile, sloped, low, low_slope, high, high_slope):
     return step, spread, ramp
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _thin(profile, low, high, spread):
     """Whether between even sides of one colour there is something of another: a line too thin for its borders
     to be told apart."""
@@ -95,7 +96,7 @@ def _thin(profile, low, high, spread):
     return largest >= 3 * SURE_STEP**2 and spread <= LARGEST_SPREAD**2 * largest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _flat_step(profile, low, high):
     """Where the step is between sides of one colour each: the far one's share, integrated over the profile,
     is the length that lies beyond it."""
@@ -109,7 +110,7 @@ def _flat_step(profile, low, high):
     return REACH - beyond
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _shaded_step(profile, low, low_slope, high, high_slope):
     """Where the step is between two lines that have the profile's integral, which blur does not change."""
     missing, step, growth = 0.0, 0.0, 0.0
@@ -126,13 +127,13 @@ def _shaded_step(profile, low, low_slope, high, high_slope):
     return min(max(2 * missing / (step + root), -REACH), REACH)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _weight(k):
     """Of a sample in an integral over the profile."""
     return SPACING / 2 if k == 0 or k == 2 * _PER_SIDE else SPACING
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def step_shifts(picture, points, normals):
     """How far along its normal from each point the step is, how surely there is a step near, in [0, 1], and
     by how much more if both sides go on changing up to the step as they change beside it.

@@ -9,11 +9,10 @@ This is the one place that takes colours at vertices to pixels: fit, error and r
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.parallel import in_shares, in_turn
 
 Floats = NDArray[np.float64]
@@ -159,7 +158,7 @@ def _coverage(vertices, triangles, width, height, first, last, count, start, end
         end[t] = count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row, picture):
     """Add the rows `first_row` to `last_row` of the picture, which is 0 there."""
     channels = colors.shape[1]
@@ -183,7 +182,7 @@ def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row
                     picture[pixel[e], c] += weights[e, k] * colors[corner_color[t, k], c]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rows(start, end, pixel, weights, corner_color, first_pixel, last_pixel):
     """Compressed rows, one for each pixel of a range, of the weights of colours, those of one colour added
     up."""
@@ -293,7 +292,7 @@ def paint(
     return picture.reshape(height, width, -1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _locate(vertices, triangles, width, height):
     owner = np.full((height, width), -1, np.int32)
     for t in range(len(triangles)):
@@ -322,7 +321,7 @@ def triangle_at_pixel_centres(
     return np.asarray(_locate(vertices, triangles, width, height))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sample(vertices, triangles, colors, corner_color, owner):
     height, width = owner.shape
     picture = np.zeros((height * width, colors.shape[1]))

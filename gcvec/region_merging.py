@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.components import SLIVER_AREA, join, set_numbers
+from gcvec.kernels import kernel
 
 _SATURATION = 4.0
 """A piece of border is worth at most this many times what it costs: beyond that points could do its work."""
@@ -81,7 +81,7 @@ def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDAr
     return groups
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def border_gains(first, second, length, energy, step, areas):
     """The smaller region at each border, of equal ones the first, and what the border saves less what it
     costs, per pixel of its length.
@@ -102,7 +102,7 @@ def border_gains(first, second, length, energy, step, areas):
     return smaller, gain
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def weakest_of_smaller(first, second, smaller, gain, n):
     """The borders that are the weakest of all that the smaller of their regions has, one a region.
 
@@ -126,7 +126,7 @@ def _smallest(values: NDArray[np.float64], indices: NDArray[np.int64], count: in
     return indices[np.argpartition(values[indices], count)[:count]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def joined_regions(first, second, n):
     """The new number `(n,)` of each region when those on both sides of these borders become one."""
     parent = np.arange(n)
@@ -135,7 +135,7 @@ def joined_regions(first, second, n):
     return set_numbers(parent)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def summed(origin, target, length, energy, step, n):
     """One border a pair of different regions, whichever of the two comes first: the columns of `Borders`."""
     low, high = np.minimum(origin, target), np.maximum(origin, target)
@@ -156,7 +156,7 @@ def summed(origin, target, length, energy, step, n):
     return first[:n], second[:n], lengths[:n], energies[:n], steps[:n]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _by(keys, indices, n):
     """The indices in the order of their keys, each below n; those of one key stay in their order."""
     starts = np.zeros(n + 1, np.int64)

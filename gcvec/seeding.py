@@ -9,9 +9,10 @@ refinement that would find most of these points one after another are saved.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from gcvec.kernels import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,7 +66,7 @@ def _second_derivatives(channel: NDArray[np.floating]) -> Floats:
     return np.asarray(xx**2 + 2 * xy**2 + yy**2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _diffused(density, blocked):
     """Points `(h, w)` of a density below 1: Floyd-Steinberg error diffusion on a serpentine path.
 

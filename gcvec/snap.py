@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from gcvec.kernels import kernel
 from gcvec.watershed import flooded
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ def _offsets(band: float) -> NDArray[np.int64]:
     return np.stack([y[inside], x[inside], square[inside]], axis=1).astype(np.int64)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _seeds(labels, offsets):
     """Labels from 1 of the pixels outside the band, or, of regions that have none, of the deepest; else 0."""
     height, width = labels.shape
@@ -87,7 +87,7 @@ def _kernels() -> tuple[Floats, Floats]:
     return smooth, smooth * x / BLUR**2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _steepness(picture, wanted, smooth, slope):
     """The magnitude of the smoothed picture's gradient, summed over its channels, where it is `wanted`.
 
@@ -126,7 +126,7 @@ def _steepness(picture, wanted, smooth, slope):
     return steepness
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mirrored(k, n):
     while k < 0 or k >= n:
         k = -1 - k if k < 0 else 2 * n - 1 - k

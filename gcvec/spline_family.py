@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.bspline import spline_bezier, spline_weights
+from gcvec.kernels import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -53,7 +53,7 @@ class SplineFamily:
         return np.asarray(6 * np.hypot(ends[..., 0], ends[..., 1]).max(axis=1))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _basis(curve, u, offsets, closed):
     index = np.empty((len(u), 4), np.int64)
     weight = np.empty((len(u), 4))
@@ -66,7 +66,7 @@ def _basis(curve, u, offsets, closed):
     return index, weight
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bezier(control_points, offsets, closed):
     n = 0
     for c in range(len(closed)):

@@ -7,10 +7,10 @@ Many curves are fitted at once. Their samples are laid end to end; curve k owns 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.bspline import knot, spline_basis
+from gcvec.kernels import kernel
 from gcvec.parallel import in_shares
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ SWEEPS, STILL = 40, 1e-3
 moves further than this, pixels."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _chord_length(samples, m):
     u = np.zeros(len(samples))
     for j in range(1, len(samples)):
@@ -39,7 +39,7 @@ def _chord_length(samples, m):
     return u
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gram(samples, importance, index, weight, n_control):
     """BᵀW B as its seven diagonals `(n_control, 7)`, BᵀW s, and the column sums of BᵀW."""
     gram = np.zeros((n_control, 7))
@@ -56,7 +56,7 @@ def _gram(samples, importance, index, weight, n_control):
     return gram, right, mass
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lspia(gram, right, mass, control, closed, sweeps, still):
     """LSPIA in place: each control point moves by the weighted mean of its samples' residuals, eq. (4), (5).
 
@@ -87,7 +87,7 @@ def _lspia(gram, right, mass, control, closed, sweeps, still):
             break
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _initial_polygon(samples, u, m, closed):
     """Samples at the Greville abscissae: where each control point has most weight."""
     n_control = m if closed else m + 3
@@ -105,7 +105,7 @@ def _initial_polygon(samples, u, m, closed):
     return control
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _deviation(samples, distances, control, index, weight):
     """The largest deviation as a share of what is allowed there: the distance from one sample, or the mean
     over a run of samples, of which less is allowed because noise has no part in it."""
@@ -128,7 +128,7 @@ def _deviation(samples, distances, control, index, weight):
     return np.sqrt(largest)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fit(samples, distances, m, closed, sweeps, still):
     """Control points and their deviation."""
     u = _chord_length(samples, float(m))
@@ -143,7 +143,7 @@ def _fit(samples, distances, m, closed, sweeps, still):
     return control, _deviation(samples, distances, control, index, weight)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fit_within(samples, distances, m, largest_m, closed):
     while True:
         control, deviation = _fit(samples, distances, m, closed, SWEEPS, STILL)
@@ -152,7 +152,7 @@ def _fit_within(samples, distances, m, largest_m, closed):
         m = min(max(m + 1, (5 * m) // 4), largest_m)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fit_all_within(samples, starts, distances, fewest, most, closed, first, last):
     """Control points of the curves `first` to `last`, one curve after another, and how many each has."""
     room = 0

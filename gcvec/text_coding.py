@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gcvec.entropy import Coder
+from gcvec.kernels import kernel
 from gcvec.mixing import Model, code_decision
 
 _ORDERS = 6
@@ -19,7 +19,7 @@ TEXT_INPUTS = 3
 """Contexts that have seen something before, usually."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def code_text(coder: Coder, model: Model, text: NDArray[np.int64]) -> None:
     """Write bytes `(n,)`, or read them.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gcvec.kernels import kernel
 
 Values = NDArray[np.float32] | NDArray[np.float64]
 
@@ -27,7 +28,7 @@ def minima(values: Values) -> NDArray[np.int32]:
     return np.asarray(_minima(values))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _minima(values):
     height, width = values.shape
     found = np.zeros((height, width), np.int32)
@@ -61,7 +62,7 @@ def _minima(values):
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _flood(levels, labels):
     height, width = labels.shape
     # A binary heap of pixels by level and by age, the number of those that were reached before.
@@ -98,7 +99,7 @@ def _flood(levels, labels):
                 born += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _push(heap, keys, size, pixel, key):
     k = size
     while k > 0:
@@ -111,7 +112,7 @@ def _push(heap, keys, size, pixel, key):
     return size + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pop(heap, keys, size):
     size -= 1
     pixel, key = heap[size], keys[size]

@@ -96,7 +96,7 @@ def _begin(sender: Any, **_: Any) -> None:
     queues = sender.app.amqp.queues
     if JOBS_QUEUE in queues.consume_from:
         queues.select_add(queues[PARTS_QUEUE])
-        from worker.warmup import warm_up
+        from gcvec.warm_up import warm_up
 
         warm_up()
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.raster import cells, cover_triangle, most_entries_of
 
 Floats = NDArray[np.float64]
@@ -216,7 +215,7 @@ def _assemble(plot):
         plot.whole[v] = plot.seat[v] >= 0 and _is_surrounded(plot, v)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _find_neighbors(plot):
     """Match the edges, listed by their smaller vertex."""
     n_triangles, n_vertices = plot.counts[TRIANGLES], plot.counts[VERTICES]

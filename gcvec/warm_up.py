@@ -1,4 +1,4 @@
-"""Loads the engine and its compiled kernels before the first job arrives."""
+"""Runs the whole engine once, so that everything it needs is loaded or compiled."""
 
 from __future__ import annotations
 
@@ -45,7 +45,3 @@ def _picture() -> NDArray[np.uint8]:
     noise = np.random.default_rng(0).normal(0, 12, gray.shape)
     pixels = np.stack([gray, gray + 0.2 * y, 120 - gray / 4], axis=-1)
     return np.asarray(pixels + np.where(x > 192, noise, 0)[..., None]).clip(0, 255).astype(np.uint8)
-
-
-if __name__ == "__main__":
-    warm_up()

@@ -1,0 +1,78 @@
+"""After the warm-up no photo waits for a compiler."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from gcvec.kernels import CONTENTS
+
+WITHOUT_LIBRARY = """
+from gcvec import kernels
+
+kernels.library = dict
+"""
+
+VECTORIZE = """
+from pathlib import Path
+
+from skimage import data
+
+from gcvec import Options, vectorize
+from gcvec.io import read_annotations
+from gcvec.parts.crew import Alone
+
+drawn = read_annotations(Path("examples/sample/chelsea.xml").read_bytes(), picture_name="chelsea.png")
+
+
+def vectorize_photos():
+    for regions in (drawn, None):
+        for crew in (None, Alone(3)):
+            vectorize(data.chelsea(), regions, Options(target_mse=60), None, crew).render(2)
+"""
+
+COMPARE = """
+import gc
+
+from numba.core.dispatcher import Dispatcher
+
+from gcvec.warm_up import warm_up
+
+
+def known():
+    kernels = (o for o in gc.get_objects() if isinstance(o, Dispatcher) and o.__module__.startswith("gcvec"))
+    return {(k.py_func.__qualname__, str(signature)) for k in kernels for signature in k.signatures}
+
+
+warm_up()
+before = known()
+assert len(before) > 40, before
+vectorize_photos()
+print(sorted(known() - before))
+"""
+
+LOOK = """
+import sys
+
+vectorize_photos()
+print([name for name in ("numba", "llvmlite") if name in sys.modules])
+"""
+
+
+def run(script: str) -> None:
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.slow
+def test_a_photo_needs_no_other_kernels() -> None:
+    run(WITHOUT_LIBRARY + VECTORIZE + COMPARE)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CONTENTS.exists(), reason="no kernel library was made on this machine")
+def test_a_photo_needs_no_kernels_but_those_of_the_library() -> None:
+    run(VECTORIZE + LOOK)
