@@ -10,13 +10,15 @@ class Plan:
     """Sizes are megapixels, targets mean squared errors on the 0-255 scale.
 
     Every picture of `pictures` is vectorized at `size` to every one of `targets`; times are shown of the one
-    to `timed_target`, and again with all `efforts`. The first is also vectorized at all `growth_sizes`, to
+    to `timed_target`, and again with all `efforts`, and of the whole command, also on a picture of
+    `tiny_size`. The first is also vectorized at all `growth_sizes`, to
     `growth_target`. Every one is vectorized by the paper's strategy at `paper_size`, in `paper_regions`
     regions, to `paper_target`, and by the default one to the error that comes of it.
     """
 
     pictures: tuple[str, ...]
     size: float
+    tiny_size: float
     targets: tuple[float, ...]
     timed_target: float
     efforts: tuple[int, ...]
@@ -30,6 +32,7 @@ class Plan:
 FULL = Plan(
     pictures=("astronaut", "chelsea", "coffee", "rocket"),
     size=0.07,
+    tiny_size=0.004,
     targets=(20, 10, 5, 3),
     timed_target=5,
     efforts=(1, 3, 5, 7, 9),
@@ -43,6 +46,7 @@ FULL = Plan(
 QUICK = Plan(
     pictures=("coffee",),
     size=0.006,
+    tiny_size=0.001,
     targets=(60,),
     timed_target=60,
     efforts=(1, 5),

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from benchmarks import codecs, delaunay_gouraud, tracing
+from benchmarks.command import whole_command
 from benchmarks.engine import vectorized
 from benchmarks.growth import exponent, grown
 from benchmarks.machine import description
@@ -29,6 +30,9 @@ brackets with its error. vtracer is tried with {tried} settings. Delaunay-Gourau
 mesh (`benchmarks/delaunay_gouraud.py`), measured at pixel centres, whose bytes are an estimate: the
 entropy of its rounded positions and colours."""
 
+COMMANDS = """\
+The median of three runs, with all that the process takes to start."""
+
 EFFORTS = """\
 More effort exchanges more control points for better ones."""
 
@@ -50,6 +54,7 @@ def document(plan: Plan, run: Run) -> str:
         for name in plan.pictures
         for target in plan.targets
     }
+    commands = _commands(plan, run)
     sizes, efforts = _sizes(plan, run, results), _efforts(plan, run)
     strategies = _strategies(plan, run)
     growth = _growth(plan, run)  # last, for it may use up the run's time
@@ -58,6 +63,7 @@ def document(plan: Plan, run: Run) -> str:
         ["Machine: " + "; ".join(description()) + "."],
         [CONDITIONS.format(size=plan.size)],
         _stages(plan, results),
+        commands,
         efforts,
         growth,
         sizes,
@@ -85,6 +91,24 @@ def _stages(plan: Plan, results: dict[tuple[str, float], Outcome]) -> list[str]:
         "peak, MB",
     ]
     return [f"## Seconds by stage, at an error of {plan.timed_target:g}", _table(heading, rows)]
+
+
+def _commands(plan: Plan, run: Run) -> list[str]:
+    rows = []
+    for size, name in [(plan.tiny_size, plan.pictures[0]), *((plan.size, name) for name in plan.pictures)]:
+        asked = {"name": name, "megapixels": size, "target_mse": plan.timed_target}
+        outcome = run.measure(whole_command, **asked)
+        found = outcome.value
+        figures = (
+            [outcome.failure] if found is None else [f"{found['seconds']:.2f}", _megabytes(found["peak"])]
+        )
+        rows.append([name, f"{size:g}", *figures])
+    heading = ["picture", "megapixels", "seconds", "peak, MB"]
+    return [
+        f"## `gcvec vectorize` from start to end, at an error of {plan.timed_target:g}",
+        COMMANDS,
+        _table(heading, rows),
+    ]
 
 
 def _growth(plan: Plan, run: Run) -> list[str]:

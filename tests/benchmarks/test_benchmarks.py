@@ -44,6 +44,9 @@ def test_the_short_form_fills_every_table(tmp_path: Path) -> None:
     seconds = {name: number(cell) for name, cell in zip(heading, stages, strict=True) if name.endswith(", s")}
     assert sum(seconds.values()) - seconds["total, s"] == pytest.approx(seconds["total, s"], rel=0.25)
     assert number(stages[heading.index("peak, MB")]) > 50
+    heading, tiny, whole = rows(page, "`gcvec vectorize` from start to end")
+    assert number(tiny[heading.index("seconds")]) > 0.1
+    assert number(whole[heading.index("seconds")]) > seconds["total, s"] / 2
     assert len(rows(page, "Growth")) == 3
     assert re.search(
         r"exponents: time -?\d\.\d\d, memory above the idle engine's (unknown|-?\d+\.\d\d)", page
