@@ -32,17 +32,22 @@ class Calls:
         """Write a library with machine code for these calls, for any processor of this kind, and what it
         holds.
 
-        Raises `ImportError` or `RuntimeError` where that cannot be done here: it takes a C++ compiler.
+        Raises `ImportError` or `RuntimeError` where that cannot be done here: it takes a C++ compiler; and
+        `TypeError` for a bare kernel that returns an array.
         """
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numba announces that there will be another way
             from numba.pycc.cc import CC
+        from numba.core.types import Array
 
         compiler = CC(LIBRARY_NAME)
         listed = []
         for number, ((kernel, kinds_), types) in enumerate(self._types.items()):
             symbol = f"kernel_{number}"
-            compiler.export(symbol, kernel.jitted.overloads[types].signature)(_caller(kernel, len(types)))
+            signature = kernel.jitted.overloads[types].signature
+            if not kernel.counts_references and isinstance(signature.return_type, Array):
+                raise TypeError(f"{kernel.name} hands out an array whose references it does not count")
+            compiler.export(symbol, signature)(_caller(kernel, len(types)))
             listed.append({"kernel": kernel.name, "kinds": kinds_, "symbol": symbol})
         with tempfile.TemporaryDirectory(dir=library.parent) as folder, _without_interpreter_lock():
             made = Path(folder) / library.name

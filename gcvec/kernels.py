@@ -56,17 +56,18 @@ class Recorder(Protocol):
 class Kernel:
     """A function that runs as machine code, and without the interpreter's lock. Kernels can call each other.
 
-    name     its module's and its own
+    name                its module's and its own
+    counts_references   whether it may allocate, and hand out, arrays
     """
 
     recorder: Recorder | None = None
     """Where all calls go, if it is there."""
 
-    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+    def __init__(self, function: Callable[..., Any], bare: bool = False) -> None:
         functools.update_wrapper(self, function)
         self.name = f"{function.__module__}.{function.__qualname__}"
+        self.counts_references = not bare
         self._function = function
-        self._options = options
         self._known = library().get(self.name, {})
 
     @functools.cached_property
@@ -74,7 +75,8 @@ class Kernel:
         """numba's dispatcher for the function."""
         from numba import njit
 
-        return njit(cache=True, nogil=True, **self._options)(self._function)
+        options: dict[str, Any] = {} if self.counts_references else {"error_model": "numpy", "_nrt": False}
+        return njit(cache=True, nogil=True, **options)(self._function)
 
     @property
     def _numba_type_(self) -> Any:
@@ -99,7 +101,7 @@ def bare_kernel(function: Callable[..., Any]) -> Any:
     Nothing is reference-counted in it. For small functions that are handed many arrays, and called for every
     triangle, that is most of the time they would take.
     """
-    return Kernel(function, error_model="numpy", _nrt=False)
+    return Kernel(function, bare=True)
 
 
 @functools.cache

@@ -191,6 +191,19 @@ def test_a_library_that_is_not_whole_is_not_used(
     assert kernels.library() == {}
 
 
+@bare_kernel
+def same(values):
+    return values
+
+
+@pytest.mark.slow
+def test_a_bare_kernel_must_not_return_arrays(tmp_path: Path) -> None:
+    with recorded_calls() as calls:
+        same(np.zeros(3))
+    with pytest.raises(TypeError, match=r"test_kernels\.same hands out an array"):
+        compiled(calls, tmp_path)
+
+
 @pytest.mark.slow
 def test_a_library_says_what_it_holds(made: tuple[Path, Path]) -> None:
     contents = json.loads(made[1].read_text())
