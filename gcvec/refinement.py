@@ -28,10 +28,10 @@ from gcvec.timing import StageClock
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-POINT_WEIGHT = 0.1
+POINT_WEIGHT = 0.03
 """w of equation (7): pull of a control point towards the colour of its pixel."""
 
-BOUNDARY_WEIGHT = 0.05
+BOUNDARY_WEIGHT = 0.02
 """Pull of a boundary colour towards its first estimate (section 4.3)."""
 
 RISE = 0.75
