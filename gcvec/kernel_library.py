@@ -49,6 +49,7 @@ class Calls:
                 raise TypeError(f"{kernel.name} hands out an array whose references it does not count")
             compiler.export(symbol, signature)(_caller(kernel, len(types)))
             listed.append({"kernel": kernel.name, "kinds": kinds_, "symbol": symbol})
+        library.parent.mkdir(exist_ok=True)
         with tempfile.TemporaryDirectory(dir=library.parent) as folder, _without_interpreter_lock():
             made = Path(folder) / library.name
             compiler.output_dir, compiler.output_file = folder, library.name

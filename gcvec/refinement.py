@@ -28,10 +28,11 @@ from gcvec.timing import StageClock
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-POINT_WEIGHT = 0.03
-"""w of equation (7): pull of a control point towards the colour of its pixel."""
+POINT_WEIGHT = 0.02
+"""w of equation (7): pull of a control point towards the colour of its pixel. Where nearly every pixel has
+one, each gives little to the picture, and a stronger pull would keep it from its target."""
 
-BOUNDARY_WEIGHT = 0.02
+BOUNDARY_WEIGHT = 0.01
 """Pull of a boundary colour towards its first estimate (section 4.3)."""
 
 RISE = 0.75
