@@ -28,12 +28,16 @@ from gcvec.timing import StageClock
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-POINT_WEIGHT = 0.02
-"""w of equation (7): pull of a control point towards the colour of its pixel. Where nearly every pixel has
-one, each gives little to the picture, and a stronger pull would keep it from its target."""
+POINT_WEIGHT = 0.004
+"""w of equation (7), for every unit of the target: pull of a control point towards the colour of its pixel.
+Where nearly every pixel has one, each gives little to the picture, and a strong pull would keep it from its
+target."""
 
-BOUNDARY_WEIGHT = 0.01
-"""Pull of a boundary colour towards its first estimate (section 4.3)."""
+BOUNDARY_WEIGHT = 0.002
+"""Pull of a boundary colour towards its first estimate (section 4.3), for every unit of the target."""
+
+PULLING_TARGETS = 1.0, 25.0
+"""Pulls are those of targets between these."""
 
 RISE = 0.75
 """Without the least useful share s of its control points a picture has about 1 + 0.75 s times the error."""
@@ -153,6 +157,7 @@ class Refinement:
         self._picture = picture
         self._truth = picture.reshape(-1, 3)
         self._target_mse = target_mse
+        self._strength = float(np.clip(target_mse, *PULLING_TARGETS))
         self._steps = steps
         self._loss = LOSS
         self._margin = CAREFUL
@@ -237,7 +242,7 @@ class Refinement:
                 self._picture.reshape(-1, 3),
                 self._seats(),
                 self._room(finished),
-                POINT_WEIGHT,
+                POINT_WEIGHT * self._strength,
                 SHIFTS[self._iteration % 2],
             )
             placement.thin_out(int(share * n), finished)
@@ -359,8 +364,8 @@ class Refinement:
     def _pull(self) -> tuple[Floats, Floats]:
         """What the unknowns are pulled towards, `(b + n, 3)`, and how much, `(b + n,)`."""
         prior = np.concatenate([self._prior, self._picture[self.points[:, 1], self.points[:, 0]]])
-        pull = np.full(len(prior), POINT_WEIGHT)
-        pull[: len(self._prior)] = BOUNDARY_WEIGHT
+        pull = np.full(len(prior), POINT_WEIGHT * self._strength)
+        pull[: len(self._prior)] = BOUNDARY_WEIGHT * self._strength
         return prior, pull
 
     def _measure(self) -> None:
