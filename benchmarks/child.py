@@ -8,10 +8,10 @@ import sys
 from importlib import import_module
 
 
-def peak_memory() -> int:
-    """The most memory this process has held so far, bytes."""
+def peak_memory(whose: int = resource.RUSAGE_SELF) -> int:
+    """The most memory this process has held so far, or one of its children that have ended, bytes."""
     unit = 1 if sys.platform == "darwin" else 1024
-    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return unit * resource.getrusage(whose).ru_maxrss
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks.child import peak_memory
 from benchmarks.pictures import picture
 from gcvec.export.png import png
 
@@ -37,6 +38,4 @@ def whole_command(name: str, megapixels: float, target_mse: float) -> dict[str, 
             started = time.perf_counter()
             subprocess.run(command, check=True, capture_output=True)
             seconds.append(time.perf_counter() - started)
-    unit = 1 if sys.platform == "darwin" else 1024
-    peak = unit * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    return {"seconds": statistics.median(seconds), "peak": peak}
+    return {"seconds": statistics.median(seconds), "peak": peak_memory(resource.RUSAGE_CHILDREN)}

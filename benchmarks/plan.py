@@ -11,9 +11,9 @@ class Plan:
 
     Every picture of `pictures` is vectorized at `size` to every one of `targets`; times are shown of the one
     to `timed_target`, and again with all `efforts`, and of the whole command, also on a picture of
-    `tiny_size`. The first is also vectorized at all `growth_sizes`, to
-    `growth_target`. Every one is vectorized by the paper's strategy at `paper_size`, in `paper_regions`
-    regions, to `paper_target`, and by the default one to the error that comes of it.
+    `tiny_size`. The first is also vectorized at all `growth_sizes`, to `growth_target`. Every one is
+    vectorized by the paper's strategy at `paper_size`, in `paper_regions` regions, to `paper_target`, and by
+    the default one to the error that comes of it.
     """
 
     pictures: tuple[str, ...]

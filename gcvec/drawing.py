@@ -154,15 +154,11 @@ def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, In
     # Only triangles with two boundary samples can have such an edge.
     beside = np.flatnonzero((triangles < mesh.n_samples).sum(axis=1) > 1)
     rows, fans, owner = fans_of(triangles[beside])
-    whole = np.ones(len(triangles), bool)
-    whole[beside[rows]] = False
-    parts = [(triangles[whole], patch[whole])]
+    parts = [(np.delete(triangles, beside[rows], axis=0), np.delete(patch, beside[rows]))]
     fan_patch = patch[beside[owner]]
     for _ in range(2):
         rows, finer, owner = fans_of(fans)
-        whole = np.ones(len(fans), bool)
-        whole[rows] = False
-        parts.append((fans[whole], fan_patch[whole]))
+        parts.append((np.delete(fans, rows, axis=0), np.delete(fan_patch, rows)))
         fans, fan_patch = finer, fan_patch[owner]
     parts.append((fans, fan_patch))
     return (

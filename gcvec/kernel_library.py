@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from gcvec.kernels import CONTENTS, LIBRARY, LIBRARY_NAME, Kernel, Kinds, kinds, sources_stamp
+from gcvec.kernels import CONTENTS, LIBRARY, LIBRARY_NAME, Kernel, Kinds, kinds, sources_stamp, symbol
 
 
 class Calls:
@@ -42,13 +42,12 @@ class Calls:
 
         compiler = CC(LIBRARY_NAME)
         listed = []
-        for number, ((kernel, kinds_), types) in enumerate(self._types.items()):
-            symbol = f"kernel_{number}"
+        for (kernel, known), types in self._types.items():
             signature = kernel.jitted.overloads[types].signature
             if not kernel.counts_references and isinstance(signature.return_type, Array):
                 raise TypeError(f"{kernel.name} hands out an array whose references it does not count")
-            compiler.export(symbol, signature)(_caller(kernel, len(types)))
-            listed.append({"kernel": kernel.name, "kinds": kinds_, "symbol": symbol})
+            compiler.export(symbol(kernel.name, known), signature)(_caller(kernel, len(types)))
+            listed.append({"kernel": kernel.name, "kinds": known})
         library.parent.mkdir(exist_ok=True)
         with tempfile.TemporaryDirectory(dir=library.parent) as folder, _without_interpreter_lock():
             made = Path(folder) / library.name

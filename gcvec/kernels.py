@@ -13,8 +13,8 @@ import functools
 import json
 import zlib
 from collections.abc import Callable, Mapping
-from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader
-from importlib.util import module_from_spec, spec_from_loader
+from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, ModuleSpec
+from importlib.util import module_from_spec
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -107,19 +107,28 @@ def bare_kernel(function: Callable[..., Any]) -> Any:
 @functools.cache
 def library() -> Mapping[str, Mapping[Kinds, Callable[..., Any]]]:
     """The kernels of the library, by name and kinds of arguments; none where it is missing or out of date."""
+    found: dict[str, dict[Kinds, Callable[..., Any]]] = {}
     try:
         contents = json.loads(CONTENTS.read_text())
         if contents["sources"] != sources_stamp():
             return {}
         loader = ExtensionFileLoader(LIBRARY_NAME, str(LIBRARY))
-        module = module_from_spec(spec_from_loader(LIBRARY_NAME, loader))  # type: ignore[arg-type]
+        module = module_from_spec(ModuleSpec(LIBRARY_NAME, loader, origin=str(LIBRARY)))
         loader.exec_module(module)
-    except (OSError, ImportError, ValueError, KeyError, TypeError):
+        for call in contents["calls"]:
+            known = _as_tuple(call["kinds"])
+            found.setdefault(call["kernel"], {})[known] = getattr(module, symbol(call["kernel"], known))
+    except (OSError, ImportError, ValueError, KeyError, TypeError, AttributeError):
         return {}
-    found: dict[str, dict[Kinds, Callable[..., Any]]] = {}
-    for call in contents["calls"]:
-        found.setdefault(call["kernel"], {})[_as_tuple(call["kinds"])] = getattr(module, call["symbol"])
     return found
+
+
+def symbol(name: str, kinds: Kinds) -> str:
+    """What a library calls a kernel for these kinds of arguments.
+
+    So what is listed for another library does not lead to a wrong kernel.
+    """
+    return f"{name.replace('.', '_')}_{zlib.crc32(repr(kinds).encode()):08x}"
 
 
 def sources_stamp() -> int:

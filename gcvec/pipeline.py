@@ -110,7 +110,7 @@ def vectorize(
     report = replace(report, strategy=options.strategy, seconds=seconds, regions=patches)
     result = replace(image, warnings=(*regions.warnings, *_shortfall(report, options)), report=report)
     tell.done(report.points, report.mse)
-    return result.knowing(image.canvas, data)
+    return result.knowing(image.canvas, data, image.picture)
 
 
 def _regions(

@@ -135,11 +135,15 @@ class VectorImage:
         """The `.gcv` file."""
         return self._file
 
-    def knowing(self, canvas: Canvas, file: bytes | None = None) -> VectorImage:
-        """This image with its canonical mesh, and its file, already known: neither is made again."""
+    def knowing(
+        self, canvas: Canvas, file: bytes | None = None, picture: NDArray[np.uint8] | None = None
+    ) -> VectorImage:
+        """This image with its canonical mesh, file and picture already known: they are not made again."""
         self.__dict__.update(foundation=canvas.foundation, canvas=canvas)
         if file is not None:
             self.__dict__["_file"] = file
+        if picture is not None:
+            self.__dict__["picture"] = picture
         return self
 
     @classmethod

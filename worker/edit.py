@@ -31,7 +31,7 @@ def revision_files(image: VectorImage) -> dict[str, tuple[str, bytes]]:
     contents = {
         "gcv": encoded,
         "result": json.dumps(image.description()).encode(),
-        "preview": png(image.render()),
+        "preview": png(image.picture),
         "patches": png(patch_overlay(image)),
     }
     return {name: (KINDS[name].filename, contents[name]) for name in REVISED}

@@ -59,7 +59,7 @@ def produce(
         "gcv": encoded,
         "result": json.dumps({**result.description(), "warnings": warnings}).encode(),
         "report": json.dumps(report.as_dict()).encode(),
-        "preview": png(result.render()),
+        "preview": png(result.picture),
         "error": png(error_map(picture.pixels, result)),
         "patches": png(patch_overlay(result)),
     }

@@ -94,7 +94,7 @@ def vectorize(
     if preview:
         from gcvec.export.png import png
 
-        write(preview, png(result.render()))
+        write(preview, png(result.picture))
 
 
 def _load_regions(path: Path, image_name: str | None, picture_name: str, picture: Picture) -> Annotations:

@@ -17,7 +17,7 @@ OUTLINE, DOMAIN, VERTEX, POINT = (255, 64, 32), (64, 200, 255), (255, 255, 255),
 
 def error_map(pixels: NDArray[np.uint8], image: VectorImage) -> NDArray[np.uint8]:
     """Absolute error of every pixel and channel `(h, w, 3) uint8`, amplified eight times on black."""
-    error = np.abs(image.render().astype(np.int64) - pixels)
+    error = np.abs(image.picture.astype(np.int64) - pixels)
     return np.asarray(np.minimum(ERROR_GAIN * error, 255), np.uint8)
 
 

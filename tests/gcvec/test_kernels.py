@@ -128,7 +128,7 @@ def in_use(made: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> Iterator
 
 def again(known: Kernel) -> Kernel:
     """The kernel as a new process has it, which cannot compile anything."""
-    fresh = Kernel(known.__wrapped__)  # type: ignore[attr-defined]
+    fresh = Kernel(known.__wrapped__)
     fresh.__dict__["jitted"] = None
     return fresh
 

@@ -51,7 +51,7 @@ def case() -> Case:
 @cache
 def run(strategy: str, target_mse: float = 5.0, max_points: int = 2000) -> tuple[VectorImage, list[Progress]]:
     steps: list[Progress] = []
-    options = Options(strategy=strategy, target_mse=target_mse, max_points=max_points)  # type: ignore[arg-type]
+    options = Options(strategy=strategy, target_mse=target_mse, max_points=max_points)
     return vectorize(case().pixels, case().annotations, options, on_progress=steps.append), steps
 
 
