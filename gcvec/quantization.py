@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,14 @@ class Quantization:
         """Steps whose rounding takes a small share of a mean squared error (0-255 scale)."""
         step = int(np.clip(round(16 * (target_mse / 5) ** 0.5), 2, 64))
         return cls(boundary_step=step, point_step=step)
+
+    def scaled(self, factor: float) -> Quantization:
+        """The same with colour steps that are larger by this factor, or the smallest there are."""
+        return replace(
+            self,
+            boundary_step=max(round(self.boundary_step * factor), 1),
+            point_step=max(round(self.point_step * factor), 1),
+        )
 
     @property
     def grid(self) -> float:

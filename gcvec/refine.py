@@ -1,12 +1,13 @@
 """Error-driven interior control points (paper, section 4.4): which rounds there are.
 
 Points are added until the picture is nearly good enough; then the least useful go, and others come where they
-buy more; at the end the file is brought to the target as closely as it pays.
+buy more; at the end colours are stored in the steps that bring the file to the target.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,17 +15,20 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation
 from gcvec.draft import Draft, measured_mse
-from gcvec.refinement import GROWTH, LEAST_SPARE, Refinement, Start, Step
+from gcvec.landing import Filed, landed
+from gcvec.quantization import Quantization
+from gcvec.refinement import FEW, GROWTH, LEAST_SPARE, Refinement, Start, Step
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
 
 LANDING = 0.15
-"""At the end no more than this share of the points is taken out to land on the target; with little effort
-none."""
+"""If a picture is far better than it need be, no more than this share of the points is taken out at the end;
+with little effort none."""
 
 RETRIES = 4
+"""How often points are added again to a picture that no steps bring to its target."""
 
 
 class Effort(NamedTuple):
@@ -43,18 +47,17 @@ class Effort(NamedTuple):
 EFFORTS = {
     1: Effort(6.0, ()),
     2: Effort(GROWTH, ()),
-    3: Effort(GROWTH, (0.2,)),
-    4: Effort(GROWTH, (0.15, 0.1)),
+    3: Effort(GROWTH, (0.1,)),
+    4: Effort(GROWTH, (0.2,)),
     5: Effort(GROWTH, (0.2, 0.1)),
-    6: Effort(GROWTH, (0.2, 0.15, 0.1, 0.1)),
+    6: Effort(GROWTH, (0.2, 0.15, 0.1)),
     7: Effort(GROWTH, (0.25, 0.2, 0.2, 0.15, 0.1, 0.1)),
     8: Effort(GROWTH, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1)),
     9: Effort(GROWTH, (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.05)),
 }
 
-FEW = 10_000
 MORE_EXCHANGES = (0.15, 0.1)
-"""With so few points exchanges take next to no time, and there are more of them: not at the least effort."""
+"""With few points there are more of them: not at the least effort."""
 
 
 def refine_batch(
@@ -81,34 +84,33 @@ def refine_batch(
         foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock, start
     )
 
-    def filed() -> tuple[bytes, VectorImage, float]:
+    def file(steps: Quantization) -> Filed:
+        data, image = replace(draft, steps=steps).file(state.canvas, state.points, state.colors)
+        return Filed(data, image, steps, measured_mse(image, pixels))
+
+    def settled() -> Filed:
+        state.settle()
         with clock.stage("encode"):
-            data, image = draft.file(state.canvas, state.points, state.colors)
-            return data, image, measured_mse(image, pixels)
+            found = landed(file, draft.steps, state.mse, state.rounding(draft.steps), target_mse)
+        state.learn(found.steps, found.mse)
+        return found
 
     more = True
     if start is None:
         state.seed()
-        more = state.grow(EFFORTS[effort].growth)
-        shares = exchanges(effort, len(state.points))
-        if shares:
-            _, _, mse = filed()
-            state.learn(mse)
-        for share in shares:
+        more = state.grow(EFFORTS[effort].growth, early=bool(EFFORTS[effort].exchanges))
+        for share in exchanges(effort, len(state.points)):
             more = state.turn_over(share)
-    state.settle()
-    data, image, mse = filed()
-    for attempt in range(RETRIES):
-        state.learn(mse)
-        if mse > target_mse and more:
-            more = state.catch_up()
-        elif attempt == 0 and EFFORTS[effort].exchanges and state.spare > LEAST_SPARE:
-            more = state.turn_over(min(state.spare, LANDING))
-        else:
+    filed = settled()
+    if EFFORTS[effort].exchanges and state.spare > LEAST_SPARE:
+        more = state.turn_over(min(state.spare, LANDING))
+        filed = settled()
+    for _ in range(RETRIES):
+        if filed.mse <= target_mse or not more:
             break
-        state.settle()
-        data, image, mse = filed()
-    return data, image
+        more = state.catch_up()
+        filed = settled()
+    return filed.data, filed.image
 
 
 def exchanges(effort: int, points: int) -> tuple[float, ...]:

@@ -46,8 +46,9 @@ LOSS = 1.15
 """Rounding colours as a file does costs about this much more than rounding to nearest, see its dead zone: the
 first guess, until a file has been made."""
 
-LEAST_SPARE = 0.05
-"""Fewer points than this share are not worth a round that takes them out."""
+LEAST_SPARE = 0.12
+"""Fewer points than this share are not worth a round that takes them out: larger steps of colours make as
+good a use of what the picture has to spare."""
 
 CAREFUL = 0.98
 MORE_CAREFUL = 0.995
@@ -66,8 +67,13 @@ LEAST_AIM = 0.5
 FIRST_POINTS = 1 / 1500
 """Points a pixel that a round may place, however few there are."""
 
-NEAR = 1.1
-"""Growth ends within this factor of the aim: exchanges do the rest."""
+FEW = 10_000
+"""With fewer points exchanges take next to no time."""
+
+NEAR = 1.2
+EARLY, EARLY_NEAR = 1.3, 2.0
+"""Growth ends within the factor `NEAR` of the aim. Where exchanges follow it works, from `FEW` points on,
+towards `EARLY` times the aim, and ends within the factor `EARLY_NEAR`: they do the rest."""
 
 LEAST_CHANGE = 0.99
 """Growth ends with a round that neither adds points nor brings the error below this share of what it was."""
@@ -89,6 +95,9 @@ may take some sweeps to find the colours that stay at their bounds."""
 
 GROWTH = 3.0
 """A round adds this many times the points there are, at most."""
+
+REPLACEMENT = 3.0
+"""A round that takes points out puts no more than this many times as many in."""
 
 
 @dataclass(frozen=True)
@@ -189,21 +198,28 @@ class Refinement:
         """Share of the control points that the picture can do without and still be as good as its aim."""
         return max(self.aim / max(self.mse, 1e-9) - 1, 0.0) / RISE
 
-    def learn(self, mse: float) -> None:
-        """See what rounding costs: a file of the picture as it is has the error `mse`."""
+    def rounding(self, steps: Quantization) -> float:
+        """The error that rounding to these steps is expected to add."""
+        return rounding_error(steps, self._energy, self._loss)
+
+    def learn(self, steps: Quantization, mse: float) -> None:
+        """See what rounding costs: a file of the picture as it is has the error `mse` in these steps."""
         missed_by = mse / self._target_mse * self.aim / max(self.mse, 1e-9)
-        expected = rounding_error(self._steps, self._energy, self._loss)
-        self._loss *= max((mse - self.mse) / expected, LEAST_LESSON)
+        self._loss *= max((mse - self.mse) / self.rounding(steps), LEAST_LESSON)
         if mse > self._target_mse:
             self._margin *= MORE_CAREFUL / max(missed_by, 1.0)
 
-    def grow(self, growth: float) -> bool:
+    def grow(self, growth: float, early: bool) -> bool:
         """Place points until the picture is nearly as good as the aim, in rounds that add `growth` times as
-        many as there are at most. False: no more of them help."""
+        many as there are at most: with many points only until it is about as good, if that is `early` enough.
+        False: no more of them help."""
         idle_rounds = 0
-        while self.mse > NEAR * self.aim:
+        while True:
             n, before = len(self.points), self.mse
-            if not self.turn_over(0.0, growth):
+            goal, near = (EARLY, EARLY_NEAR) if early and n >= FEW else (1.0, NEAR)
+            if before <= near * self.aim:
+                return True
+            if not self.turn_over(0.0, growth, self._foreseen(goal * self.aim, growing=True)):
                 return False
             if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
                 return False
@@ -212,26 +228,22 @@ class Refinement:
             idle_rounds = idle_rounds + 1 if crowded and not helped else 0
             if idle_rounds == IDLE_ROUNDS:
                 return False
-        return True
 
     def catch_up(self) -> bool:
-        """Place the points that are missing. False when no more points help.
-
-        After a round of growth the error is often a little lower than its placement foresaw; after one that
-        places few points it is not.
-        """
-        return self.turn_over(0.0, expected=min(self.bias, 1.0) * self.aim)
+        """Place the points that are missing. False when no more points help."""
+        return self.turn_over(0.0, expected=self._foreseen(SETTLED * self.aim, growing=False))
 
     def turn_over(self, share: float, growth: float = GROWTH, expected: float | None = None) -> bool:
         """One round: take out the least useful `share` of the control points, and place as many new ones as
-        the aim asks for: no more than were taken, or where none were `growth` times as many as there are.
+        the aim asks for: where none were taken out, no more than `growth` times as many as there are.
         `expected` is the error that placement ends with, where it is not left to the aim. False when no more
         points help.
         """
         n = len(self.points)
         with self._clock.stage("evaluation"):
             finished = self._finished()
-            goal = self._to_square(self.bias * self.aim / SETTLED if expected is None else expected)
+            expected = expected or self._foreseen(self.aim, growing=not share)
+            goal = self._to_square(expected)
             on_canvas = self._fit.operator @ self.colors
             del self._fit  # large, and no longer needed
             placement = begin_placement(
@@ -246,7 +258,7 @@ class Refinement:
                 SHIFTS[self._iteration % 2],
             )
             placement.thin_out(int(share * n), finished)
-            most = int((share or growth) * n + FIRST_POINTS * len(self._truth)) + 4
+            most = int((REPLACEMENT * share or growth) * n + FIRST_POINTS * len(self._truth)) + 4
             more = placement.grow(goal, most)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
@@ -255,6 +267,14 @@ class Refinement:
         self._update(new)
         self.bias = foreseen / max(self._to_square(self.mse), 1e-12)
         return more
+
+    def _foreseen(self, mse: float, growing: bool) -> float:
+        """The error that greedy placement expects of a picture that comes to `mse` after the last fit.
+
+        After a round of growth the error is often a little lower than its placement foresaw; after one that
+        places few points it is not.
+        """
+        return (self.bias if growing else min(self.bias, 1.0)) * mse / SETTLED
 
     def _seats(self) -> Seats:
         taken = self._blocked.copy()

@@ -17,9 +17,13 @@ from gcvec.kernels import kernel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-POINTS_PER_BEND = 0.05
+FEWEST_PER_BEND, POINTS_PER_BEND = 0.05, 0.12
 """Points a pixel for |H| = 1, in units of the root of the wanted mean squared error per pixel squared: about
-an eighth of the points that the picture will need, so that few of them turn out to be of little use."""
+a third of the points that the picture will need, so that few of them turn out to be of little use; and fewer
+where it needs few, since most of what bends there is noise."""
+
+SPARSE, DENSE = 0.01, 0.03
+"""Fewer than so many points a pixel, by the lower factor, call for the lower one, and more for the higher."""
 
 LEAST_BEND = 0.4
 """Where |H| is less than this, in the same units, no point is needed for a long way."""
@@ -42,7 +46,10 @@ def seeds(
     """
     bend = np.sqrt(np.mean([_second_derivatives(residual[..., k]) for k in range(3)], axis=0))
     bend *= 255 / np.sqrt(target_mse)
-    density = POINTS_PER_BEND * np.maximum(bend ** (2 / 3) - LEAST_BEND ** (2 / 3), 0)
+    density = np.maximum(bend ** (2 / 3) - LEAST_BEND ** (2 / 3), 0)
+    density *= np.interp(
+        FEWEST_PER_BEND * density.mean(), (SPARSE, DENSE), (FEWEST_PER_BEND, POINTS_PER_BEND)
+    )
     density = np.minimum(ndimage.gaussian_filter(density, 1.0), MOST_POINTS)
     if max_points:
         expected = np.bincount(patch_at.ravel(), density.ravel())

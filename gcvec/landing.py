@@ -1,0 +1,69 @@
+"""The file that comes closest to the error wanted: the same colours, in somewhat larger or smaller steps.
+
+The error that rounding adds goes with the square of the step. So a picture that is a little better than it
+need be is stored in fewer bytes, and one that is not quite as good still reaches its target, without another
+round of refinement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+
+from gcvec.quantization import Quantization
+from gcvec.vector_image import VectorImage
+
+LEAST_SCALE, MOST_SCALE = 0.75, 1.25
+"""How far steps may differ from the planned ones: beyond, more or fewer points are the better way."""
+
+AIM = 0.998
+"""The share of the target to aim at: the error does not fall quite evenly with the steps."""
+
+MOST_FILES = 4
+
+
+@dataclass(frozen=True)
+class Filed:
+    """A file, what it holds, in what steps, and the mean squared error of its picture (0-255 scale)."""
+
+    data: bytes
+    image: VectorImage
+    steps: Quantization
+    mse: float
+
+
+def landed(
+    file: Callable[[Quantization], Filed],
+    planned: Quantization,
+    before: float,
+    rounding: float,
+    target_mse: float,
+) -> Filed:
+    """The file with the largest colour steps, near the planned ones, whose error is `target_mse` or less.
+
+    `before` is the error before rounding, and `rounding` what the planned steps are expected to add. Where no
+    steps near the planned ones keep the target, the file with the smallest; in the planned ones where even
+    exact colours would not.
+    """
+    if before >= target_mse:
+        return file(planned)
+
+    def in_steps_of(step: int) -> Filed:
+        return file(planned.scaled(step / planned.point_step))
+
+    def largest(step: int, rounding: float) -> int:
+        allowed = max(AIM * target_mse - before, 0.0)
+        return int(step * (allowed / max(rounding, 1e-9)) ** 0.5)
+
+    least, most = ceil(LEAST_SCALE * planned.point_step), int(MOST_SCALE * planned.point_step)
+    files = [in_steps_of(min(max(largest(planned.point_step, rounding), least), most))]
+    while len(files) < MOST_FILES:
+        step, kept = files[-1].steps.point_step, files[-1].mse <= target_mse
+        least, most = (step + 1, most) if kept else (least, step - 1)
+        step = min(largest(step, files[-1].mse - before), most)
+        some_kept = any(one.mse <= target_mse for one in files)
+        if least > most or (step < least and some_kept):
+            break
+        files.append(in_steps_of(max(step, least)))
+    return min(files, key=lambda one: (one.mse > target_mse, abs(one.mse - target_mse)))
