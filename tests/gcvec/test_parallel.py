@@ -1,0 +1,46 @@
+"""Work in turn, by several threads."""
+
+import threading
+
+import pytest
+
+from gcvec.parallel import in_shares, in_turn, use_workers
+
+
+@pytest.fixture(autouse=True, params=[1, 2, 5])
+def workers(request: pytest.FixtureRequest) -> int:
+    use_workers(request.param)
+    return int(request.param)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 40])
+def test_results_are_in_the_order_of_the_items(n: int) -> None:
+    assert in_turn(lambda i: i * i, range(n)) == [i * i for i in range(n)]
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 4, 1000])
+def test_shares_are_the_same_whatever_the_number_of_threads(n: int) -> None:
+    shares = in_shares(lambda first, last: (first, last), n)
+    assert shares == [(n * k // 4, n * (k + 1) // 4) for k in range(4)]
+
+
+def test_as_many_threads_work_as_there_are_workers(workers: int) -> None:
+    """Each item waits until as many are being worked on."""
+    barrier = threading.Barrier(workers, timeout=10)
+    names = in_turn(lambda _: (barrier.wait(), threading.get_ident())[1], range(workers))
+    assert len(set(names)) == workers
+
+
+@pytest.mark.parametrize("bad", [0, 3, 7])
+@pytest.mark.parametrize("problem", [IndexError, ZeroDivisionError, KeyboardInterrupt])
+def test_what_goes_wrong_comes_out(bad: int, problem: type[BaseException]) -> None:
+    """Wherever it does; and threads go on with the next work."""
+
+    def work(i: int) -> int:
+        if i == bad:
+            raise problem
+        return i
+
+    with pytest.raises(problem):
+        in_turn(work, range(8))
+    assert in_turn(lambda i: i, range(8)) == list(range(8))
