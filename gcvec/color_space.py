@@ -8,7 +8,6 @@ soft curve share their colour.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from scipy.sparse import csgraph
 
 from gcvec.boundary import Network
 from gcvec.drawing import Drawing
+from gcvec.kernels import bare_kernel
 from gcvec.mesh import Mesh
 from gcvec.patch import Blend
 from gcvec.planar_graph import OUTSIDE
@@ -62,27 +62,29 @@ class ColorSpace:
         key = vertex[at_node] * self.n_patches + patch[at_node]
         boundary[at_node] = self.of_node[np.searchsorted(self.node_keys, key)][:, None]
 
-        patch_of = mesh.patch_of_vertices()
-        free = blend.boundary.tocoo()
+        n_points = mesh.n_points
         owner = np.repeat(np.arange(len(network.curves)), np.diff(network.offsets))
-        free_side = np.where(left[owner[free.col]] == patch_of[mesh.first_free + free.row], LEFT, RIGHT)
-        free_points = blend.points.tocoo()
-
-        n_points, n_free = mesh.n_points, len(mesh.vertices) - mesh.first_free
-        own = np.arange(n_points)
-        rows: list[Any] = [own, n_points + free.row, n_points + free_points.row]
-        columns: list[Any] = [
-            self.size + own,
-            self.of_control[free_side, free.col],
-            self.size + free_points.col,
-        ]
-        values: list[Any] = [np.ones(n_points), free.data, free_points.data]
-        rows.append(np.repeat(n_points + n_free + np.arange(len(vertex)), 4))
-        columns.append(boundary.ravel())
-        values.append(drawing.weight[vertex].ravel())
-        entries: Any = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        shape = (n_points + n_free + len(vertex), self.size + n_points)
-        return sparse.coo_array(entries, shape=shape).tocsr(), index
+        parts = blend.boundary, blend.points
+        filled = sum(part.nnz for part in parts)
+        columns = np.empty(n_points + filled + 4 * len(vertex), np.int32)
+        values = np.empty(len(columns))
+        columns[:n_points], values[:n_points] = self.size + np.arange(n_points), 1
+        _mix_free(
+            *((part.indptr, part.indices, part.data) for part in parts),
+            mesh.patch_of_vertices()[mesh.first_free :],
+            left[owner],
+            self.of_control,
+            self.size,
+            columns[n_points:],
+            values[n_points:],
+        )
+        columns[n_points + filled :] = boundary.ravel()
+        values[n_points + filled :] = drawing.weight[vertex].ravel()
+        free_start = n_points + blend.boundary.indptr + blend.points.indptr
+        vertex_start = n_points + filled + 4 * np.arange(1, len(vertex) + 1)
+        start = np.concatenate([np.arange(n_points), free_start, vertex_start]).astype(np.int32)
+        shape = (len(start) - 1, self.size + n_points)
+        return sparse.csr_array((values, columns, start), shape=shape), index
 
     def _corners(self, drawing: Drawing) -> tuple[Ints, Ints, Ints]:
         """Colours of the corners, and the boundary vertex and patch of each colour beyond the interior
@@ -95,6 +97,24 @@ class ColorSpace:
         unique, inverse = np.unique(keys, return_inverse=True)
         index[~interior] = drawing.n_vertices - drawing.n_samples + inverse
         return index, unique // self.n_patches, unique % self.n_patches
+
+
+@bare_kernel
+def _mix_free(boundary, points, patch, left, of_control, size, columns, values):
+    """Compressed rows of the free vertices: `boundary` and `points` are those of their blend, `patch` is
+    theirs, and `left` the patch to the left of each control point."""
+    n = 0
+    for row in range(len(patch)):
+        start, indices, data = boundary
+        for e in range(start[row], start[row + 1]):
+            control = indices[e]
+            side = LEFT if left[control] == patch[row] else RIGHT
+            columns[n], values[n] = of_control[side, control], data[e]
+            n += 1
+        start, indices, data = points
+        for e in range(start[row], start[row + 1]):
+            columns[n], values[n] = size + indices[e], data[e]
+            n += 1
 
 
 def color_space(network: Network, hard: NDArray[np.bool_]) -> ColorSpace:

@@ -91,8 +91,8 @@ def _coons(
     touched = np.zeros(offsets[-1], np.bool_)
     used = np.empty(offsets[-1], np.int64)
     basis = np.empty(4)
-    start = np.zeros(n_rows + 1, np.int64)
-    controls = np.empty(1024, np.int64)
+    start = np.zeros(n_rows + 1, np.int32)
+    controls = np.empty(1024, np.int32)
     weights = np.empty(1024)
     n_out = 0
     for row in range(n_rows):
@@ -125,7 +125,7 @@ def _coons(
         for entry in entries:
             weight_of[indices[entry]] = 0.0
         if n_out + n_used > len(controls):
-            more_controls = np.empty(2 * (n_out + n_used), np.int64)
+            more_controls = np.empty(2 * (n_out + n_used), np.int32)
             more_weights = np.empty(len(more_controls))
             more_controls[:n_out] = controls[:n_out]
             more_weights[:n_out] = weights[:n_out]

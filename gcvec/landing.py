@@ -20,6 +20,9 @@ LEAST_SCALE, MOST_SCALE = 0.75, 1.25
 AIM = 0.998
 """The share of the target to aim at: the error does not fall quite evenly with the steps."""
 
+WORTH = 32
+"""Steps that are larger by less than about this part are not worth making another file."""
+
 MOST_FILES = 4
 
 
@@ -63,7 +66,7 @@ def landed(
         least, most = (step + 1, most) if kept else (least, step - 1)
         step = min(largest(step, files[-1].mse - before), most)
         some_kept = any(one.mse <= target_mse for one in files)
-        if least > most or (step < least and some_kept):
+        if least > most or (some_kept and step < least + planned.point_step // WORTH):
             break
         files.append(in_steps_of(max(step, least)))
     return min(files, key=lambda one: (one.mse > target_mse, abs(one.mse - target_mse)))

@@ -14,6 +14,7 @@ from gcvec.boundary import Network
 from gcvec.coons import coons
 from gcvec.harmonic import cotangent_laplacian, faded_coordinates
 from gcvec.mesh import Mesh, build_mesh
+from gcvec.parallel import in_turn
 from gcvec.samples import BoundarySamples
 
 Floats = NDArray[np.float64]
@@ -47,11 +48,13 @@ def blend(network: Network, samples: BoundarySamples, mesh: Mesh) -> Blend:
         free_corner = triangles[:, k] >= mesh.first_free
         patch_of[triangles[free_corner, k] - mesh.first_free] = patch[free_corner]
     edges_of = _edges_by_patch(network, samples)
-    clusters = _groups(cluster)
-    blends = [
-        _blend_cluster(network, samples, mesh, laplacian, members, edges_of[patch_of[members[0]]])
-        for members in clusters
-    ]
+    clusters = sorted(_groups(cluster), key=len, reverse=True)
+    blends = in_turn(
+        lambda members: _blend_cluster(
+            network, samples, mesh, laplacian, members, edges_of[patch_of[members[0]]]
+        ),
+        clusters,
+    )
     back = np.argsort(np.concatenate(clusters))
     return Blend(
         sparse.vstack([part.boundary for part in blends], "csr")[back],
@@ -85,7 +88,7 @@ def _blend_cluster(
     coordinates = faded_coordinates(laplacian, free, np.concatenate([boundary, points]), values.tocsr())
 
     of_points = coordinates[:, n:]
-    numbers = points[of_points.indices] - mesh.n_samples
+    numbers = (points[of_points.indices] - mesh.n_samples).astype(np.int32)
     return Blend(
         coons(coordinates[:, :n], columns, edges, network.family, samples),
         sparse.csr_array((of_points.data, numbers, of_points.indptr), shape=(len(free), mesh.n_points)),

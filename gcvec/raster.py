@@ -8,6 +8,8 @@ This is the one place that takes colours at vertices to pixels: fit, error and r
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -270,12 +272,23 @@ class Coverage:
             ),
             n_pixels,
         )
-        before = np.cumsum([0] + [len(columns) for _, columns, _ in shares])
-        starts = [start[:-1] + n for (start, _, _), n in zip(shares, before[:-1], strict=True)]
-        start = np.append(np.concatenate(starts), before[-1]).astype(np.int32)
-        columns = np.concatenate([columns for _, columns, _ in shares])
-        values = np.concatenate([values for _, _, values in shares])
-        return sparse.csr_array((values, columns, start), shape=(n_pixels, n_colors))
+        starts, columns, values = map(list, zip(*shares, strict=True))
+        del shares
+        before = np.cumsum([0] + [len(share) for share in columns])
+        start = np.concatenate([share[:-1] + n for share, n in zip(starts, before[:-1], strict=True)])
+        rows = np.append(start, before[-1]).astype(np.int32)
+        return sparse.csr_array((_joined(values), _joined(columns), rows), shape=(n_pixels, n_colors))
+
+
+def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    """The parts `(n,)` one after another; each is let go once copied, so that not all is there twice."""
+    whole = np.empty(sum(map(len, parts)), parts[0].dtype)
+    end = len(whole)
+    while parts:
+        part = parts.pop()
+        whole[end - len(part) : end] = part
+        end -= len(part)
+    return whole
 
 
 def paint(
