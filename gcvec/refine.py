@@ -99,7 +99,8 @@ def refine_batch(
     if start is None:
         state.seed()
         more = state.grow(EFFORTS[effort].growth, early=bool(EFFORTS[effort].exchanges))
-        for share in exchanges(effort, len(state.points)):
+        # Where no more points help, none can be spared.
+        for share in exchanges(effort, len(state.points)) if more or state.full else ():
             more = state.turn_over(share)
     filed = settled()
     if EFFORTS[effort].exchanges and state.spare > LEAST_SPARE:

@@ -88,7 +88,7 @@ SHIFTS = 0.35, 0.65
 """Where strips of the picture are cut, in turn: nothing changes along a cut."""
 
 ROUND_ITERATIONS = 4
-FINAL_ITERATIONS = 10
+FINAL_ITERATIONS = 7
 FINAL_SWEEPS = 2
 """Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
 may take some sweeps to find the colours that stay at their bounds."""
