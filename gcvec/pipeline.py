@@ -14,7 +14,6 @@ from gcvec.borders import borders
 from gcvec.boundary_color import color_samples, fit_boundary_colors, hard_edges
 from gcvec.boundary_fit import fitted_network
 from gcvec.canonical import lay_unfolded_foundation
-from gcvec.draft import Draft
 from gcvec.localize import LARGEST_SHIFT, localized
 from gcvec.metrics import Report, compare
 from gcvec.options import Options
@@ -28,6 +27,7 @@ from gcvec.refine import refine_batch
 from gcvec.refine_bytes import refine_to_bytes
 from gcvec.refine_paper import refine_paper
 from gcvec.refinement import Step
+from gcvec.scene import Scene, Terms
 from gcvec.segment import segment
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
@@ -80,24 +80,19 @@ def vectorize(
         boundary_colors = fit_boundary_colors(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
-
-    # From here on it is only compared with, and large.
-    photo = picture.astype(np.float32)
-    del picture
+    del picture  # large
+    scene = Scene(pixels, foundation, boundary_colors, regions.names)
 
     def refined(target_mse: float) -> tuple[bytes, VectorImage]:
-        draft = Draft(regions.names, Quantization.for_error(target_mse))
-        bounds = (draft, target_mse, options.max_points)
+        steps = Quantization.for_error(target_mse)
+        terms = Terms(target_mse, steps, options.max_points, options.effort)
         if options.strategy == "paper":
-            return refine_paper(foundation, boundary_colors, pixels, *bounds, tell.iteration, clock)
+            return refine_paper(scene, terms, tell.iteration, clock)
         start = None
         if crew is not None and len(foundation.network.loops) > 1:
-            known = (foundation, boundary_colors, pixels, draft.steps)
-            wanted = (target_mse, options.max_points, options.effort)
             with clock.stage("parts"):
-                start = refine_by(crew, *known, *wanted, tell.iteration)
-        given = (foundation, boundary_colors, pixels, photo)
-        return refine_batch(*given, *bounds, options.effort, tell.iteration, clock, start)
+                start = refine_by(crew, scene, terms, tell.iteration)
+        return refine_batch(scene, terms, tell.iteration, clock, start)
 
     if options.target_bytes:
         data, image = refine_to_bytes(refined, options.target_bytes)

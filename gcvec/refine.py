@@ -7,21 +7,15 @@ buy more; at the end colours are stored in the steps that bring the file to the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gcvec.canonical import Foundation
 from gcvec.draft import Draft, measured_mse
 from gcvec.landing import Filed, landed
 from gcvec.quantization import Quantization
 from gcvec.refinement import FEW, GROWTH, LEAST_SPARE, Refinement, Start, Step
+from gcvec.scene import Scene, Terms
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
-
-Floats = NDArray[np.float64]
 
 LANDING = 0.15
 """If a picture is far better than it need be, no more than this share of the points is taken out at the end;
@@ -61,37 +55,28 @@ MORE_EXCHANGES = (0.15, 0.1)
 
 
 def refine_batch(
-    foundation: Foundation,
-    boundary_colors: Floats,
-    pixels: NDArray[np.uint8],
-    photo: NDArray[np.float32],
-    draft: Draft,
-    target_mse: float,
-    max_points: int,
-    effort: int,
+    scene: Scene,
+    terms: Terms,
     on_step: Callable[[Step], None],
     clock: StageClock,
     start: Start | None = None,
 ) -> tuple[bytes, VectorImage]:
-    """The file, and what it holds, whose picture has the error `target_mse` (0-255 scale) or less.
+    """The file, and what it holds, of a scene on these terms.
 
-    `pixels` is the photo `(h, w, 3)`, and `photo` the same in [0, 1]. `max_points` bounds the points of one
-    region, 0 lifts the bound.
-    `effort`, 1 to 9, trades time for fewer points. `start` is there where the rounds up to the last
-    exchange have been done.
+    `start` is there where the rounds up to the last exchange have been done.
     """
-    state = Refinement(
-        foundation, boundary_colors, photo, target_mse, draft.steps, max_points, on_step, clock, start
-    )
+    state = Refinement(scene, terms, on_step, clock, start)
+    target_mse, effort = terms.target_mse, terms.effort
 
     def file(steps: Quantization) -> Filed:
-        data, image = replace(draft, steps=steps).file(state.canvas, state.points, state.colors)
-        return Filed(data, image, steps, measured_mse(image, pixels))
+        draft = Draft(scene.labels, steps)
+        data, image = draft.file(state.canvas, state.points, state.colors)
+        return Filed(data, image, steps, measured_mse(image, scene.pixels))
 
     def settled() -> Filed:
         state.settle()
         with clock.stage("encode"):
-            found = landed(file, draft.steps, state.mse, state.rounding(draft.steps), target_mse)
+            found = landed(file, terms.steps, state.mse, state.rounding(terms.steps), target_mse)
         state.learn(found.steps, found.mse)
         return found
 

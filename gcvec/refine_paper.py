@@ -22,6 +22,7 @@ from gcvec.drawing import folded
 from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
 from gcvec.refinement import Step
+from gcvec.scene import Scene, Terms
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
 
@@ -33,46 +34,29 @@ WEIGHT = 30.0
 
 
 def refine_paper(
-    foundation: Foundation,
-    boundary_colors: Floats,
-    pixels: NDArray[np.uint8],
-    draft: Draft,
-    target_mse: float,
-    max_points: int,
-    on_step: Callable[[Step], None],
-    clock: StageClock,
+    scene: Scene, terms: Terms, on_step: Callable[[Step], None], clock: StageClock
 ) -> tuple[bytes, VectorImage]:
-    """The file, and what it holds, with every region's own error below `target_mse` (0-255 scale).
-
-    `pixels` is the photo `(h, w, 3)`. A region gets at most `max_points` points, one an
-    iteration; 0 lifts the bound.
-    """
-    points, colors = worst_pixels(
-        foundation, boundary_colors, pixels / 255.0, target_mse, max_points, on_step, clock
-    )
+    """The file, and what it holds, with every region's own error below the target: that of colours before
+    they are rounded. Every iteration adds one point."""
+    points, colors = worst_pixels(scene, terms, on_step, clock)
     with clock.stage("encode"):
-        order, n_boundary = by_rows(points), len(boundary_colors)
+        order, n_boundary = by_rows(points), len(scene.boundary_colors)
         points = points[order]
-        colors = np.concatenate([boundary_colors, colors[n_boundary:][order]])
-        return draft.file(lay_canvas(foundation, points), points, colors)
+        colors = np.concatenate([scene.boundary_colors, colors[n_boundary:][order]])
+        return Draft(scene.labels, terms.steps).file(lay_canvas(scene.foundation, points), points, colors)
 
 
 def worst_pixels(
-    foundation: Foundation,
-    boundary_colors: Floats,
-    picture: Floats,
-    target_mse: float,
-    max_points: int,
-    on_step: Callable[[Step], None],
-    clock: StageClock,
+    scene: Scene, terms: Terms, on_step: Callable[[Step], None], clock: StageClock
 ) -> tuple[Ints, Floats]:
-    """The loop itself: control points `(m, 2)` and all colours `(b + m, 3)` for a picture in [0, 1].
+    """The loop itself: control points `(m, 2)` and all colours `(b + m, 3)`.
 
     Every region is looked at until nothing is left to add, for points near a border thin out the free
     vertices of the mesh beyond it.
     """
-    state = _Refinement(foundation, boundary_colors, picture, clock)
-    limit = max_points or len(state.truth)
+    foundation = scene.foundation
+    state = _Refinement(scene, clock)
+    limit = terms.max_points or len(state.truth)
     regions = range(len(foundation.network.loops))
     for region in regions:
         state.evaluate(region, build_mesh(foundation.network, foundation.samples, state.points))
@@ -81,7 +65,7 @@ def worst_pixels(
         before = len(state.points)
         for region in regions:
             state.evaluate(region, build_mesh(foundation.network, foundation.samples, state.points))
-            while state.mse(region) >= target_mse and state.count(region) < limit:
+            while state.mse(region) >= terms.target_mse and state.count(region) < limit:
                 mesh = state.insert_worst(region)
                 if mesh is None:
                     break
@@ -89,7 +73,7 @@ def worst_pixels(
                 n = len(state.points)
                 on_step(Step(n, n, region, state.worst(), state.mse(), frozenset({region})))
         grown = len(state.points) > before
-    return state.points, np.concatenate([boundary_colors, state.colors])
+    return state.points, np.concatenate([scene.boundary_colors, state.colors])
 
 
 class _Refinement:
@@ -100,14 +84,13 @@ class _Refinement:
     usable        (h, w) the pixels of the parameter domain that may still become control points
     """
 
-    def __init__(
-        self, foundation: Foundation, boundary_colors: Floats, picture: Floats, clock: StageClock
-    ) -> None:
-        self.foundation, self.boundary_colors, self.clock = foundation, boundary_colors, clock
-        self.truth = picture.reshape(-1, 3)
-        self.domain_pixel = domain_pixels(foundation)
-        self.patch_at = foundation.geometry.patch_at()
-        self.usable = room(foundation)
+    def __init__(self, scene: Scene, clock: StageClock) -> None:
+        self.foundation, self.boundary_colors = scene.foundation, scene.boundary_colors
+        self.clock = clock
+        self.truth = scene.pixels.reshape(-1, 3) / 255.0
+        self.domain_pixel = domain_pixels(scene.foundation)
+        self.patch_at = scene.foundation.geometry.patch_at()
+        self.usable = room(scene.foundation)
         self.points = np.zeros((0, 2), np.int64)
         self.of_region = np.zeros(0, np.int64)
         self.colors, self.wanted = np.zeros((0, 3)), np.zeros((0, 3))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.canonical import Foundation, lay_unfolded_canvas
+from gcvec.canonical import lay_unfolded_canvas
 from gcvec.clearance import room
 from gcvec.color_fit import ColorFit, color_fit
 from gcvec.draft import by_rows
@@ -22,6 +22,7 @@ from gcvec.greedy.seats import Seats, seats
 from gcvec.least_squares import solve, solve_bounded
 from gcvec.quantization import Quantization
 from gcvec.raster import Coverage
+from gcvec.scene import Scene, Terms
 from gcvec.seeding import seeds
 from gcvec.timing import StageClock
 
@@ -146,35 +147,29 @@ class Refinement:
 
     def __init__(
         self,
-        foundation: Foundation,
-        boundary_colors: Floats,
-        picture: NDArray[np.float32],
-        target_mse: float,
-        steps: Quantization,
-        max_points: int,
+        scene: Scene,
+        terms: Terms,
         on_step: Callable[[Step], None],
         clock: StageClock,
         start: Start | None = None,
     ) -> None:
-        """`picture` is `(h, w, 3)` in [0, 1], `target_mse` (0-255 scale) the error wanted of its file with
-        these steps; `max_points` bounds the points of one region, 0 lifts the bound.
-        Without a `start` there are no points yet."""
-        self.foundation = foundation
-        start = start or Start(np.zeros((0, 2), np.int64), boundary_colors, 0)
+        """Without a `start` there are no points yet."""
+        self.foundation = scene.foundation
+        start = start or Start(np.zeros((0, 2), np.int64), scene.boundary_colors, 0)
         self.points, self.colors = start.points, start.colors
-        self._prior = boundary_colors
-        self._picture = picture
-        self._truth = picture.reshape(-1, 3)
-        self._target_mse = target_mse
-        self._strength = float(np.clip(target_mse, *PULLING_TARGETS))
-        self._steps = steps
+        self._prior = scene.boundary_colors
+        self._picture = np.divide(scene.pixels, np.float32(255))
+        self._truth = self._picture.reshape(-1, 3)
+        self._target_mse = terms.target_mse
+        self._strength = float(np.clip(terms.target_mse, *PULLING_TARGETS))
+        self._steps = terms.steps
         self._loss = LOSS
         self._margin = CAREFUL
         self.bias = 1.0
-        self._max_points = max_points
+        self._max_points = terms.max_points
         self._on_step = on_step
         self._clock = clock
-        self._blocked = ~room(foundation) | (foundation.geometry.triangle_at < 0)
+        self._blocked = ~room(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
         self._iteration = start.rounds
         self._update()
 

@@ -15,14 +15,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.canonical import Foundation
 from gcvec.draft import by_rows
 from gcvec.parts.division import Part, divided, part_of
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.parts.part import refine_part
-from gcvec.quantization import Quantization
 from gcvec.refine import exchanges
 from gcvec.refinement import CAREFUL, LEAST_CHANGE, Start, Step, error_before_rounding
+from gcvec.scene import Scene, Terms
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -79,19 +78,9 @@ class Alone:
         return [refine_part(request, pixels, lambda _: None) for request in requests]
 
 
-def refine_by(
-    crew: Crew,
-    foundation: Foundation,
-    boundary_colors: Floats,
-    pixels: NDArray[np.uint8],
-    steps: Quantization,
-    target_mse: float,
-    max_points: int,
-    effort: int,
-    on_step: Callable[[Step], None],
-) -> Start:
-    """All rounds of a picture but the last, in parts; see `gcvec.refine.refine_batch` for what is given."""
-    rounds = _Rounds(crew, foundation, boundary_colors, pixels, steps, target_mse, max_points, on_step)
+def refine_by(crew: Crew, scene: Scene, terms: Terms, on_step: Callable[[Step], None]) -> Start:
+    """All rounds of a picture but the last, in parts."""
+    rounds = _Rounds(crew, scene, terms, on_step)
     rounds.run((0.0,), FIRST_GOAL * rounds.own_aims())
     for _ in range(MOST_GROWTH_ROUNDS):
         points, before = rounds.n_points, rounds.square
@@ -100,7 +89,7 @@ def refine_by(
             break
         if rounds.n_points <= points and rounds.square > LEAST_CHANGE * before:
             break
-    shares = exchanges(effort, rounds.n_points)
+    shares = exchanges(terms.effort, rounds.n_points)
     if shares:
         rounds.run(shares, rounds.goals())
     return rounds.merged()
@@ -109,29 +98,18 @@ def refine_by(
 class _Rounds:
     """The parts of a picture between rounds."""
 
-    def __init__(
-        self,
-        crew: Crew,
-        foundation: Foundation,
-        boundary_colors: Floats,
-        pixels: NDArray[np.uint8],
-        steps: Quantization,
-        target_mse: float,
-        max_points: int,
-        on_step: Callable[[Step], None],
-    ) -> None:
+    def __init__(self, crew: Crew, scene: Scene, terms: Terms, on_step: Callable[[Step], None]) -> None:
         self._crew = crew
-        self._pixels = pixels
-        self._prior = boundary_colors
-        self._steps = steps
-        self._target_mse = target_mse
-        self._max_points = max_points
+        self._pixels = scene.pixels
+        self._prior = scene.boundary_colors
+        self._terms = terms
         self._on_step = on_step
         self._done = 0
+        foundation = scene.foundation
         self._parts = [part_of(foundation, patches) for patches in divided(foundation, crew.parts)]
         self._areas = np.bincount(foundation.geometry.patch_at().ravel())
-        self._states = [_unborn(k, boundary_colors[part.colors]) for k, part in enumerate(self._parts)]
-        self._shared = shared_pixels(pixels, self._parts, self._states)
+        self._states = [_unborn(k, self._prior[part.colors]) for k, part in enumerate(self._parts)]
+        self._shared = shared_pixels(self._pixels, self._parts, self._states)
 
     @property
     def n_points(self) -> int:
@@ -152,7 +130,7 @@ class _Rounds:
         """The mean squared error to aim at (0-255 scale)."""
         n = self._pixels.size / 3
         energy = sum(state.energy for state in self._states) / n if self._done else USUAL_ENERGY
-        return CAREFUL * error_before_rounding(self._target_mse, self._steps, energy)
+        return CAREFUL * error_before_rounding(self._terms.target_mse, self._terms.steps, energy)
 
     @property
     def aim(self) -> float:
@@ -184,7 +162,7 @@ class _Rounds:
                 fair_aim=fair_aim,
                 goal=float(goal),
                 shares=shares,
-                max_points=self._max_points,
+                max_points=self._terms.max_points,
                 some_full=some_full,
                 bias=state.bias,
                 shared=state.shared,

@@ -15,6 +15,7 @@ from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.quantization import Quantization
 from gcvec.raster import Coverage
 from gcvec.refinement import LEAST_SPARE, Refinement, Start, Step
+from gcvec.scene import Scene, Terms
 from gcvec.timing import StageClock
 
 SLIVER = 1e-3
@@ -61,12 +62,8 @@ class PartRefinement(Refinement):
         column, row = network.origin or (0, 0)
         frame = pixels[row : row + network.height, column : column + network.width]
         super().__init__(
-            lay_foundation(network, request.hard),
-            request.prior,
-            (frame / 255.0).astype(np.float32),
-            request.fair_aim,
-            Quantization(),
-            request.max_points,
+            Scene(frame, lay_foundation(network, request.hard), request.prior),
+            Terms(request.fair_aim, Quantization(), request.max_points, effort=0),
             self._note,
             StageClock(),
             Start(request.points, request.colors, request.rounds),

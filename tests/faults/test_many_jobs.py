@@ -18,10 +18,12 @@ pytestmark = [pytest.mark.service, pytest.mark.slow]
 
 JOBS = 200
 KILL_EVERY = 4.0
+ATTEMPTS = 20
+"""No job is given up, however often a worker is killed in the midst of it."""
 
 
 def test_every_job_succeeds_once(start_fleet: Callable[..., Fleet]) -> None:
-    fleet = start_fleet(servers()[0])
+    fleet = start_fleet(servers()[0], GCVEC_JOB_ATTEMPTS=str(ATTEMPTS))
     api = fleet.start_api()
     workers = [fleet.start_worker() for _ in range(2)]
     stopping = threading.Event()

@@ -13,6 +13,7 @@ from gcvec import Annotations, Options, Progress, Shape, VectorImage, raster, ve
 from gcvec.canonical import Canvas, Foundation, lay_canvas
 from gcvec.clearance import room
 from gcvec.mesh import build_mesh
+from gcvec.quantization import Quantization
 from gcvec.refine_paper import (
     WEIGHT,
     at_pixel_centres,
@@ -23,6 +24,7 @@ from gcvec.refine_paper import (
     worst_pixels,
 )
 from gcvec.refinement import Step
+from gcvec.scene import Scene, Terms
 from gcvec.timing import StageClock
 
 WIDTH, HEIGHT = 72, 56
@@ -72,9 +74,9 @@ def start() -> tuple[Foundation, np.ndarray]:
 def refined(target_mse: float, max_points: int = 0) -> tuple[np.ndarray, np.ndarray, list[Step]]:
     foundation, boundary_colors = start()
     steps: list[Step] = []
-    points, colors = worst_pixels(
-        foundation, boundary_colors, case().pixels / 255, target_mse, max_points, steps.append, StageClock()
-    )
+    scene = Scene(case().pixels, foundation, boundary_colors)
+    terms = Terms(target_mse, Quantization(), max_points, effort=5)
+    points, colors = worst_pixels(scene, terms, steps.append, StageClock())
     return points, colors, steps
 
 
