@@ -14,11 +14,13 @@ from examples.scenes import balls, vectorized_balls
 from gcvec import raster
 from gcvec.boundary_color import color_samples, fit_boundary_colors
 from gcvec.canonical import Canvas, lay_canvas
+from gcvec.quantization import Quantization
 from gcvec.refine_paper import worst_pixels
+from gcvec.scene import Scene, Terms
 from gcvec.timing import StageClock
 from gcvec.vector_image import to_8_bit
 
-TARGET = 20.0
+TERMS = Terms(target_mse=20.0, steps=Quantization(), max_points=0, effort=5)
 
 
 def main() -> dict[str, float]:
@@ -32,9 +34,8 @@ def main() -> dict[str, float]:
     for name, hard in (("on the curve", np.zeros_like(image.hard)), ("inside", image.hard)):
         colors = fit_boundary_colors(image.network, foundation.space, hard, samples, picture, labels)
         bare = _drawn(lay_canvas(foundation, np.zeros((0, 2), np.int64)), colors)
-        points, all_colors = worst_pixels(
-            foundation, colors, picture, TARGET, 0, lambda step: None, StageClock()
-        )
+        scene = Scene(balls().pixels, foundation, colors)
+        points, all_colors = worst_pixels(scene, TERMS, lambda step: None, StageClock())
         refined = _drawn(lay_canvas(foundation, points), all_colors)
         result[f"mse {name}"] = float(((bare - picture) ** 2).mean() * 65025)
         result[f"points {name}"] = len(points)

@@ -6,7 +6,9 @@ the region to within four pixels, and over the polygons that vectorization gives
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -27,7 +29,7 @@ from gcvec.segment import segment
 
 Floats = NDArray[np.float64]
 
-PHOTOS = (data.coffee, data.astronaut, data.chelsea, data.rocket)
+PHOTOS: tuple[Callable[[], Any], ...] = (data.coffee, data.astronaut, data.chelsea, data.rocket)
 REGIONS = 300
 """Regions wanted of each photo."""
 
