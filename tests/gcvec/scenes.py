@@ -138,14 +138,13 @@ SCENES = {
 
 
 @cache
-def foundation_of(scene: str) -> Foundation:
-    """Curves, domains and S of a scene; every inner border hard."""
+def foundation_of(scene: str, hard: bool = True) -> Foundation:
+    """Curves, domains and S of a scene; every inner border hard, or soft."""
     labels = SCENES[scene].labels
     height, width = labels.shape
     traced = borders(planar_graph(labels), width, height)
     network = fitted_network(traced, traced, Quantization().grid)
-    hard = np.array([not curve.on_frame for curve in network.curves])
-    return lay_unfolded_foundation(network, hard)
+    return lay_unfolded_foundation(network, np.array([hard and not c.on_frame for c in network.curves]))
 
 
 def no_points() -> np.ndarray:

@@ -1,0 +1,62 @@
+"""The operator from unknown colours to the corners of drawn triangles."""
+
+import numpy as np
+import pytest
+
+from gcvec.canonical import Canvas, lay_canvas
+from gcvec.color_space import LEFT, RIGHT
+from gcvec.drawing import Drawing
+from tests.gcvec.scenes import foundation_of, some_points
+
+
+def slow_row(canvas: Canvas, drawing: Drawing, corner: int, patch: int) -> np.ndarray:
+    """What every unknown gives to a corner of a triangle of a patch."""
+    foundation, mesh, blend = canvas.foundation, canvas.mesh, canvas.blend
+    network, space = foundation.network, foundation.space
+    row = np.zeros(space.size + mesh.n_points)
+    curve_of = np.repeat(np.arange(len(network.curves)), np.diff(network.offsets))
+
+    def unknown(control: int) -> int:
+        side = LEFT if network.curves[curve_of[control]].left == patch else RIGHT
+        return int(space.of_control[side, control])
+
+    if mesh.n_samples <= corner < mesh.first_free:
+        row[space.size + corner - mesh.n_samples] = 1
+    elif mesh.first_free <= corner < len(mesh.vertices):
+        free = corner - mesh.first_free
+        for control, weight in enumerate(blend.boundary[[free]].toarray()[0]):
+            if weight:
+                row[unknown(control)] += weight
+        row[space.size :] += blend.points[[free]].toarray()[0]
+    else:
+        (at,) = drawing.boundary_index(np.array([corner]))
+        for control, weight in zip(drawing.control[at], drawing.weight[at], strict=True):
+            at_node = drawing.curve[at] < 0
+            key = corner * len(network.loops) + patch
+            own = space.of_node[np.flatnonzero(space.node_keys == key)[0]] if at_node else unknown(control)
+            row[own] += weight
+    return row
+
+
+@pytest.mark.parametrize("scene", ["ring", "quadrants"])
+@pytest.mark.parametrize("hard", [False, True])
+def test_every_corner_has_the_colour_of_its_side(scene: str, hard: bool) -> None:
+    foundation = foundation_of(scene, hard)
+    canvas = lay_canvas(foundation, some_points(foundation, 12))
+    drawing = canvas.drawing()
+    operator, index = canvas.operator(drawing)
+    rng = np.random.default_rng(0)
+    for t in rng.choice(len(drawing.triangles), 150, replace=False):
+        for k in range(3):
+            expected = slow_row(canvas, drawing, int(drawing.triangles[t, k]), int(drawing.patch[t]))
+            np.testing.assert_allclose(operator[[index[t, k]]].toarray()[0], expected, rtol=0, atol=1e-14)
+    kinds = drawing.triangles[drawing.triangles < len(canvas.mesh.vertices)]
+    assert (kinds >= canvas.mesh.first_free).any()
+
+
+def test_colours_are_weighted_means() -> None:
+    """Rows sum up to 1: a picture of one colour is one."""
+    foundation = foundation_of("nested", True)
+    canvas = lay_canvas(foundation, some_points(foundation, 30))
+    operator, _ = canvas.operator(canvas.drawing())
+    np.testing.assert_allclose(operator @ np.ones(operator.shape[1]), 1, rtol=0, atol=1e-9)
