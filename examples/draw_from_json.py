@@ -2,7 +2,6 @@
 
 import json
 import sys
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -10,7 +9,7 @@ from PIL import Image
 SUPERSAMPLING = 4
 
 
-def draw(result: dict[str, Any], scale: float = 1.0) -> np.ndarray:
+def draw(result: dict, scale: float = 1.0) -> np.ndarray:
     """The picture `(height * scale, width * scale, 3) uint8` of a "gcvec/1" result."""
     width, height = (round(result["image"][side] * scale) for side in ("width", "height"))
     mesh = result["mesh"]
@@ -20,7 +19,7 @@ def draw(result: dict[str, Any], scale: float = 1.0) -> np.ndarray:
     for triangle in mesh["triangles"]:
         fill(fine, positions[triangle], colors[triangle])
     blocks = fine.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 3)
-    return np.asarray(np.rint(blocks.mean(axis=(1, 3)) * 255).astype(np.uint8))
+    return np.rint(blocks.mean(axis=(1, 3)) * 255).astype(np.uint8)
 
 
 def fill(picture: np.ndarray, corners: np.ndarray, colors: np.ndarray) -> None:
