@@ -39,6 +39,6 @@ $(STAMP): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	@find gcvec worker -name '*.nb[ic]' -delete  # kernels of another version
-	@$(BIN)/python -m compileall -q gcvec service worker
+	@$(BIN)/python -m compileall -q gcvec service worker  # where Python is kept from doing so when it runs
 	@$(BIN)/python -m gcvec.kernel_library  # compiles the kernels, so that no picture need wait for it
 	@touch $(STAMP)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from benchmarks.child import peak_memory
 from benchmarks.pictures import picture
@@ -13,7 +13,7 @@ def vectorized(
     name: str,
     megapixels: float,
     target_mse: float,
-    strategy: str = "batch",
+    strategy: Literal["batch", "paper"] = "batch",
     regions: int = 0,
     effort: int = Options.effort,
 ) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def vectorized(
     warm_up()
     base = peak_memory()
     options = Options(
-        strategy=strategy,  # type: ignore[arg-type]
+        strategy=strategy,
         target_mse=target_mse,
         max_points=0,
         regions=regions,

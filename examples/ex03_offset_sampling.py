@@ -20,7 +20,7 @@ from gcvec.scene import Scene, Terms
 from gcvec.timing import StageClock
 from gcvec.vector_image import to_8_bit
 
-TERMS = Terms(target_mse=20.0, steps=Quantization(), max_points=0, effort=5)
+TERMS = Terms(target_mse=20.0, steps=Quantization(), max_points=0)
 
 
 def main() -> dict[str, float]:

@@ -103,17 +103,16 @@ class ColorSpace:
 def _mix_free(boundary, points, patch, left, of_control, size, columns, values):
     """Compressed rows of the free vertices: `boundary` and `points` are those of their blend, `patch` is
     theirs, and `left` the patch to the left of each control point."""
+    start, control, weight = boundary
+    point_start, point, point_weight = points
     n = 0
     for row in range(len(patch)):
-        start, indices, data = boundary
         for e in range(start[row], start[row + 1]):
-            control = indices[e]
-            side = LEFT if left[control] == patch[row] else RIGHT
-            columns[n], values[n] = of_control[side, control], data[e]
+            side = LEFT if left[control[e]] == patch[row] else RIGHT
+            columns[n], values[n] = of_control[side, control[e]], weight[e]
             n += 1
-        start, indices, data = points
-        for e in range(start[row], start[row + 1]):
-            columns[n], values[n] = size + indices[e], data[e]
+        for e in range(point_start[row], point_start[row + 1]):
+            columns[n], values[n] = size + point[e], point_weight[e]
             n += 1
 
 

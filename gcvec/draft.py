@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,30 +17,25 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Draft:
-    """What a file needs beside curves, points and colours: the regions' labels, and steps."""
-
-    labels: tuple[str, ...]
-    steps: Quantization
-
-    def file(self, canvas: Canvas, points: Ints, colors: Floats) -> tuple[bytes, VectorImage]:
-        """The file, and the vector image it holds, for a canvas with control points `(n, 2)`, by rows, and
-        all unknown colours `(b + n, 3)`."""
-        foundation, n_boundary = canvas.foundation, canvas.foundation.space.size
-        image = VectorImage(
-            foundation.network,
-            foundation.hard,
-            colors[:n_boundary],
-            points,
-            colors[n_boundary:],
-            self.labels,
-            self.steps,
-        )
-        # A decoder lays the same foundation and canvas again.
-        data, boundary_colors, point_colors = encode_rounded(image.knowing(canvas))
-        image = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
-        return data, image.knowing(canvas, data)
+def drafted(
+    canvas: Canvas, points: Ints, colors: Floats, labels: tuple[str, ...], steps: Quantization
+) -> tuple[bytes, VectorImage]:
+    """The file in these steps, and the vector image it holds, for a canvas with control points `(n, 2)`, by
+    rows, and all unknown colours `(b + n, 3)`; `labels` are those of the regions."""
+    foundation, n_boundary = canvas.foundation, canvas.foundation.space.size
+    image = VectorImage(
+        foundation.network,
+        foundation.hard,
+        colors[:n_boundary],
+        points,
+        colors[n_boundary:],
+        labels,
+        steps,
+    )
+    # A decoder lays the same foundation and canvas again.
+    data, boundary_colors, point_colors = encode_rounded(image.knowing(canvas))
+    image = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
+    return data, image.knowing(canvas, data)
 
 
 def by_rows(points: Ints) -> Ints:

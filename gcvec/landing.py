@@ -28,12 +28,15 @@ MOST_FILES = 4
 
 @dataclass(frozen=True)
 class Filed:
-    """A file, what it holds, in what steps, and the mean squared error of its picture (0-255 scale)."""
+    """A file, what it holds, and the mean squared error of its picture (0-255 scale)."""
 
     data: bytes
     image: VectorImage
-    steps: Quantization
     mse: float
+
+    @property
+    def steps(self) -> Quantization:
+        return self.image.quantization
 
 
 def landed(

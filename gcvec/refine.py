@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from gcvec.draft import Draft, measured_mse
+from gcvec.draft import drafted, measured_mse
 from gcvec.landing import Filed, landed
 from gcvec.quantization import Quantization
 from gcvec.refinement import FEW, GROWTH, LEAST_SPARE, Refinement, Start, Step
@@ -66,12 +66,11 @@ def refine_batch(
     `start` is there where the rounds up to the last exchange have been done.
     """
     state = Refinement(scene, terms, on_step, clock, start)
-    target_mse, effort = terms.target_mse, terms.effort
+    target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
     def file(steps: Quantization) -> Filed:
-        draft = Draft(scene.labels, steps)
-        data, image = draft.file(state.canvas, state.points, state.colors)
-        return Filed(data, image, steps, measured_mse(image, scene.pixels))
+        data, image = drafted(state.canvas, state.points, state.colors, scene.labels, steps)
+        return Filed(data, image, measured_mse(image, scene.pixels))
 
     def settled() -> Filed:
         state.settle()
@@ -83,12 +82,12 @@ def refine_batch(
     more = True
     if start is None:
         state.seed()
-        more = state.grow(EFFORTS[effort].growth, early=bool(EFFORTS[effort].exchanges))
-        # Where no more points help, none can be spared.
-        for share in exchanges(effort, len(state.points)) if more or state.full else ():
-            more = state.turn_over(share)
+        more = state.grow(effort.growth, early=bool(effort.exchanges))
+        if more or state.full:  # where no more points help, none can be spared
+            for share in exchanges(terms.effort, len(state.points)):
+                more = state.turn_over(share)
     filed = settled()
-    if EFFORTS[effort].exchanges and state.spare > LEAST_SPARE:
+    if effort.exchanges and state.spare > LEAST_SPARE:
         more = state.turn_over(min(state.spare, LANDING))
         filed = settled()
     for _ in range(RETRIES):

@@ -17,7 +17,7 @@ from scipy.sparse import linalg
 from gcvec import raster
 from gcvec.canonical import Canvas, Foundation, lay_canvas
 from gcvec.clearance import room
-from gcvec.draft import Draft, by_rows
+from gcvec.draft import by_rows, drafted
 from gcvec.drawing import folded
 from gcvec.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patch import blend
@@ -43,7 +43,8 @@ def refine_paper(
         order, n_boundary = by_rows(points), len(scene.boundary_colors)
         points = points[order]
         colors = np.concatenate([scene.boundary_colors, colors[n_boundary:][order]])
-        return Draft(scene.labels, terms.steps).file(lay_canvas(scene.foundation, points), points, colors)
+        canvas = lay_canvas(scene.foundation, points)
+        return drafted(canvas, points, colors, scene.labels, terms.steps)
 
 
 def worst_pixels(

@@ -292,10 +292,10 @@ class Refinement:
 
         What the others lack cannot be made up for there, however many points are spent.
         """
-        owner = self.foundation.geometry.patch_at().ravel()
         n = len(self.foundation.network.loops)
         if not self.full:
             return np.zeros(n, bool)
+        owner = self.foundation.geometry.patch_at().ravel()
         square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
         return np.asarray(square <= self.fair_aim * np.bincount(owner, minlength=n))[:n]
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.canonical import Foundation
+from gcvec.options import Options
 from gcvec.quantization import Quantization
 
 
@@ -40,4 +41,4 @@ class Terms:
     target_mse: float
     steps: Quantization
     max_points: int
-    effort: int
+    effort: int = Options.effort

@@ -63,7 +63,7 @@ class PartRefinement(Refinement):
         frame = pixels[row : row + network.height, column : column + network.width]
         super().__init__(
             Scene(frame, lay_foundation(network, request.hard), request.prior),
-            Terms(request.fair_aim, Quantization(), request.max_points, effort=0),
+            Terms(request.fair_aim, Quantization(), request.max_points),
             self._note,
             StageClock(),
             Start(request.points, request.colors, request.rounds),

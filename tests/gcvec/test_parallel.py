@@ -1,6 +1,7 @@
 """Work in turn, by several threads."""
 
 import threading
+from collections.abc import Iterator
 
 import pytest
 
@@ -8,9 +9,10 @@ from gcvec.parallel import in_shares, in_turn, use_workers
 
 
 @pytest.fixture(autouse=True, params=[1, 2, 5])
-def workers(request: pytest.FixtureRequest) -> int:
+def workers(request: pytest.FixtureRequest) -> Iterator[int]:
     use_workers(request.param)
-    return int(request.param)
+    yield request.param
+    use_workers(0)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 40])

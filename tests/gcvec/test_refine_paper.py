@@ -75,7 +75,7 @@ def refined(target_mse: float, max_points: int = 0) -> tuple[np.ndarray, np.ndar
     foundation, boundary_colors = start()
     steps: list[Step] = []
     scene = Scene(case().pixels, foundation, boundary_colors)
-    terms = Terms(target_mse, Quantization(), max_points, effort=5)
+    terms = Terms(target_mse, Quantization(), max_points)
     points, colors = worst_pixels(scene, terms, steps.append, StageClock())
     return points, colors, steps
 
