@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from gcvec.harmonic import harmonic_coordinates
-from gcvec.mesh import constrained_delaunay
+from gcvec.triangulation import constrained_delaunay
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

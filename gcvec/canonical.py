@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.boundary import Network
-from gcvec.color_space import ColorSpace, color_space
+from gcvec.color_space import ColorSpace, boundary_corners, color_space
 from gcvec.domain import FINEST_LEVEL, raise_levels, without_crossings
 from gcvec.drawing import FLATNESS, Drawing, draw, folded
 from gcvec.mesh import Mesh, build_mesh
@@ -85,12 +85,7 @@ class Canvas:
         A drawing numbers those of the boundary samples first, by sample and patch.
         """
         mesh = self.mesh
-        corner = mesh.triangles - mesh.n_samples
-        boundary = corner < 0
-        patch = np.broadcast_to(mesh.patch[:, None], corner.shape)[boundary]
-        keys = mesh.triangles[boundary] * len(self.foundation.network.loops) + patch
-        corner[boundary] = len(mesh.vertices) - mesh.n_samples + np.unique(keys, return_inverse=True)[1]
-        return corner
+        return boundary_corners(mesh.triangles, mesh.patch, mesh.n_samples, len(mesh.vertices))[0]
 
     def coverage(self, drawing: Drawing, precision: type = np.float64) -> Coverage:
         network = self.foundation.network

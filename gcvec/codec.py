@@ -40,7 +40,7 @@ from gcvec.loops import network_loops
 from gcvec.mixing import Model, fresh_model
 from gcvec.occupancy_coding import OCCUPANCY_COUNTERS, OCCUPANCY_INPUTS, OCCUPANCY_ROWS, code_occupancy
 from gcvec.planar_graph import OUTSIDE
-from gcvec.point_coding import POINT_COUNTERS, POINT_INPUTS, POINT_ROWS, code_point_colors
+from gcvec.point_coding import POINT_COUNTERS, POINT_INPUTS, POINT_ROWS, code_point_colors, neighborhoods
 from gcvec.quantization import Quantization
 from gcvec.text_coding import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
 from gcvec.vector_image import VectorImage
@@ -153,7 +153,8 @@ def _read(coder: Coder, length: int) -> VectorImage:
     file_limits.check_points(n_curves + len(reference) + len(xs), length)
     points = np.stack([xs, ys], axis=1).astype(np.int64)
     canvas = lay_canvas(foundation, points)
-    demand((canvas.mesh.patch >= 0).all() and len(canvas.unit) > 0, "curves that do not fit together")
+    drawing, *_ = canvas.unit
+    demand(len(drawing.triangles) > 0, "curves that do not fit together")
     point_colors = np.zeros((len(points), 3))
     _code_points(coder, canvas, steps, points, occupied, boundary_colors, point_colors)
     _check_whole(coder)
@@ -166,11 +167,14 @@ def _check_whole(coder: Coder) -> None:
 
 
 def _fills_frame(foundation: Foundation) -> bool:
-    """Whether the parameter domains cover every pixel's centre and nothing outside the picture."""
+    """Whether the parameter domains cover all of the picture, and nothing outside it."""
     domain, size = foundation.samples.domain, (foundation.network.width, foundation.network.height)
-    mesh = foundation.geometry.mesh
     inside = (domain >= 0).all() and (domain <= size).all()
-    return bool(inside and (mesh.patch >= 0).all() and (foundation.geometry.triangle_at >= 0).all())
+    mesh = foundation.geometry.mesh
+    corners = mesh.vertices[mesh.triangles]
+    area = np.linalg.det(corners[:, 1:] - corners[:, :1]).sum() / 2
+    filled = np.isclose(area, size[0] * size[1]) and (foundation.geometry.triangle_at >= 0).all()
+    return bool(inside and filled)
 
 
 def _code_sizes(coder: Coder, sizes: Ints) -> None:
@@ -287,13 +291,14 @@ def _code_points(
 ) -> None:
     """Write the interior colours, or read them; either way `colors` becomes what a decoder sees."""
     base = predicted_colors(canvas.foundation, boundary_colors, points)
-    coordinates = np.zeros(colors.shape, np.int64)
+    coordinates, patch = np.zeros(colors.shape, np.int64), canvas.patch_of_points()
     code_point_colors(
         coder,
         fresh_model(POINT_COUNTERS, POINT_ROWS, POINT_INPUTS),
         points,
-        canvas.patch_of_points(),
+        patch,
         occupied,
+        neighborhoods(points, patch, *occupied.shape),
         to_coordinates(colors - base, steps.point),
         coordinates,
     )

@@ -16,7 +16,7 @@ from scipy.sparse import csgraph
 
 from gcvec.boundary import Network
 from gcvec.drawing import Drawing
-from gcvec.kernels import bare_kernel
+from gcvec.kernels import bare_kernel, kernel
 from gcvec.mesh import Mesh
 from gcvec.patch import Blend
 from gcvec.planar_graph import OUTSIDE
@@ -54,7 +54,9 @@ class ColorSpace:
         vertex and patch in use.
         """
         left = network.sides[:, 1]
-        index, vertex, patch = self._corners(drawing)
+        index, vertex, patch = boundary_corners(
+            drawing.triangles, drawing.patch, drawing.n_samples, drawing.n_vertices
+        )
         curve = drawing.curve[vertex]
         side = np.where(left[curve] == patch, LEFT, RIGHT)
         boundary = self.of_control[side[:, None], drawing.control[vertex]]
@@ -86,17 +88,73 @@ class ColorSpace:
         shape = (len(start) - 1, self.size + n_points)
         return sparse.csr_array((values, columns, start), shape=shape), index
 
-    def _corners(self, drawing: Drawing) -> tuple[Ints, Ints, Ints]:
-        """Colours of the corners, and the boundary vertex and patch of each colour beyond the interior
-        ones."""
-        corner = drawing.triangles
-        interior = (corner >= drawing.n_samples) & (corner < drawing.n_vertices)
-        index = np.where(interior, corner - drawing.n_samples, 0)
-        patch = np.broadcast_to(drawing.patch[:, None], corner.shape)[~interior]
-        keys = drawing.boundary_index(corner[~interior]) * self.n_patches + patch
-        unique, inverse = np.unique(keys, return_inverse=True)
-        index[~interior] = drawing.n_vertices - drawing.n_samples + inverse
-        return index, unique // self.n_patches, unique % self.n_patches
+
+def boundary_corners(
+    triangles: Ints, patch: Ints, n_samples: int, n_vertices: int
+) -> tuple[Ints, Ints, Ints]:
+    """Which colour `(t, 3)` each corner of triangles has, and the boundary vertices and patches of colours.
+
+    Interior vertices, of numbers from `n_samples` up to `n_vertices`, have one colour each. Then come those
+    of every pair of boundary vertex and patch in use: by vertex, counted without the interior ones, then by
+    patch.
+    """
+    return _boundary_corners(triangles, patch, n_samples, n_vertices)  # type: ignore[no-any-return]
+
+
+@kernel
+def _boundary_corners(triangles, patch, n_samples, n_vertices):
+    n_interior = n_vertices - n_samples
+    n_boundary = max(n_vertices, triangles.max() + 1) - n_interior if len(triangles) else n_samples
+    start = np.zeros(n_boundary + 1, np.int64)
+    for t in range(len(triangles)):
+        for k in range(3):
+            vertex = _boundary_number(triangles[t, k], n_samples, n_vertices)
+            start[vertex + 1] += vertex >= 0
+    for v in range(n_boundary):
+        start[v + 1] += start[v]
+    # Patches of each boundary vertex, in order.
+    listed, last = np.empty(start[n_boundary], np.int64), start[:-1].copy()
+    for t in range(len(triangles)):
+        for k in range(3):
+            vertex = _boundary_number(triangles[t, k], n_samples, n_vertices)
+            if vertex < 0:
+                continue
+            i = start[vertex]
+            while i < last[vertex] and listed[i] < patch[t]:
+                i += 1
+            if i < last[vertex] and listed[i] == patch[t]:
+                continue
+            for j in range(last[vertex], i, -1):
+                listed[j] = listed[j - 1]
+            listed[i] = patch[t]
+            last[vertex] += 1
+    number = np.zeros(n_boundary + 1, np.int64)
+    for v in range(n_boundary):
+        number[v + 1] = number[v] + last[v] - start[v]
+    vertex_of, patch_of = np.empty(number[n_boundary], np.int64), np.empty(number[n_boundary], np.int64)
+    for v in range(n_boundary):
+        for i in range(number[v + 1] - number[v]):
+            vertex_of[number[v] + i], patch_of[number[v] + i] = v, listed[start[v] + i]
+    color = np.empty(triangles.shape, np.int64)
+    for t in range(len(triangles)):
+        for k in range(3):
+            vertex = _boundary_number(triangles[t, k], n_samples, n_vertices)
+            if vertex < 0:
+                color[t, k] = triangles[t, k] - n_samples
+                continue
+            i = start[vertex]
+            while listed[i] != patch[t]:
+                i += 1
+            color[t, k] = n_interior + number[vertex] + i - start[vertex]
+    return color, vertex_of, patch_of
+
+
+@bare_kernel
+def _boundary_number(vertex, n_samples, n_vertices):
+    """The number of a boundary vertex without the interior ones, -1 for those."""
+    if vertex < n_samples:
+        return vertex
+    return vertex - n_vertices + n_samples if vertex >= n_vertices else -1
 
 
 @bare_kernel

@@ -13,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.boundary import Network
+from gcvec.fans import fans
+from gcvec.kernels import kernel
 from gcvec.mesh import Mesh
 from gcvec.samples import BoundarySamples
+from gcvec.segment_table import segment_table
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -46,10 +49,6 @@ class Drawing:
     n_samples: int
     n_vertices: int
 
-    def boundary_index(self, vertices: Ints) -> Ints:
-        """Row in `curve`, `control` and `weight` of boundary vertices."""
-        return np.where(vertices < self.n_samples, vertices, vertices - self.n_vertices + self.n_samples)
-
 
 def draw(
     network: Network,
@@ -66,26 +65,27 @@ def draw(
     """
     on_curve = samples.on_curves(control_points)
     pieces = _pieces(network, samples, control_points, flatness)
+    table = segment_table(samples.segments, len(samples))
     while True:
-        cut = np.flatnonzero(pieces > 1)
-        extra = _extra_parameters(samples, cut, pieces[cut])
-        curve = np.repeat(samples.segment_curve[cut], pieces[cut] - 1)
+        count = pieces - 1
+        first = len(mesh.vertices) + np.cumsum(count) - count
+        curve, extra = _between_samples(samples, count)
         control, weight = network.family.basis(curve, extra)
-        first = len(mesh.vertices) + np.cumsum(pieces[cut] - 1) - (pieces[cut] - 1)
-        triangles, patch, n_whole = _fan(mesh, samples.segments[cut], first, pieces[cut] - 1)
         between = np.einsum("nk,nkd->nd", weight, control_points[control])
         image = np.concatenate([on_curve, interior, between])
+        along, owner = fans(mesh.triangles, table, first, count)
         # Where the polyline would turn a triangle of the fan over, the segment is drawn as its chord.
-        fans = triangles[n_whole:]
-        corners = fans[folded(image, fans)]
+        corners = along[folded(image, along)]
         added = corners[corners >= len(mesh.vertices)]
         if not len(added):
             break
-        pieces[cut[np.searchsorted(first, added, side="right") - 1]] = 1
+        pieces[np.searchsorted(first, added, side="right") - 1] = 1
+    whole = np.ones(len(mesh.triangles), bool)
+    whole[owner] = False
     return Drawing(
         image,
-        triangles,
-        patch,
+        np.concatenate([mesh.triangles[whole], along]),
+        np.concatenate([mesh.patch[whole], mesh.patch[owner]]),
         np.concatenate([samples.curve, curve]),
         np.concatenate([samples.control, control]),
         np.concatenate([samples.weight, weight]),
@@ -96,9 +96,18 @@ def draw(
 
 def folded(image: Floats, triangles: Ints) -> Ints:
     """Triangles `(t, 3)` that S turned over or flattened: the fold-over certificate wants none."""
-    a, b, c = (image[triangles[:, k]] for k in range(3))
-    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-    return np.flatnonzero(ux * vy - uy * vx <= 0)
+    return np.flatnonzero(_is_folded(image, triangles))
+
+
+@kernel
+def _is_folded(image, triangles):
+    result = np.empty(len(triangles), np.bool_)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ux, uy = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
+        vx, vy = image[c, 0] - image[a, 0], image[c, 1] - image[a, 1]
+        result[t] = ux * vy - uy * vx <= 0
+    return result
 
 
 def _pieces(network: Network, samples: BoundarySamples, control_points: Floats, flatness: float) -> Ints:
@@ -110,59 +119,9 @@ def _pieces(network: Network, samples: BoundarySamples, control_points: Floats, 
     return np.maximum(np.ceil(np.sqrt(bound / flatness)), 1).astype(np.int64)
 
 
-def _extra_parameters(samples: BoundarySamples, cut: Ints, pieces: Ints) -> Floats:
-    within = np.arange((pieces - 1).sum()) - np.repeat(np.cumsum(pieces - 1) - (pieces - 1), pieces - 1) + 1
-    u = np.repeat(samples.segment_u[cut], pieces - 1, axis=0)
-    return np.asarray(u[:, 0] + (u[:, 1] - u[:, 0]) * within / np.repeat(pieces, pieces - 1))
-
-
-def _fan(mesh: Mesh, segments: Ints, first: Ints, count: Ints) -> tuple[Ints, Ints, int]:
-    """Triangles with their edges along `segments` replaced by the polylines through `count` points from
-    `first`, their patches, and how many of them, at the beginning, are triangles of the mesh.
-
-    A triangle with such an edge becomes a fan about the opposite corner. One with several is fanned once for
-    each: after the first pass each further edge belongs to just one triangle of the fan.
-    """
-    triangles, patch = mesh.triangles, mesh.patch
-    if not len(segments):
-        return triangles, patch, len(triangles)
-    n = len(mesh.vertices) + int(count.sum())
-    keys = np.concatenate([segments[:, 0] * n + segments[:, 1], segments[:, 1] * n + segments[:, 0]])
-    order = np.argsort(keys)
-    keys = keys[order]
-    which, forward = order % len(segments), order < len(segments)
-
-    def fans_of(triangles: Ints) -> tuple[Ints, Ints, Ints]:
-        """Those of the triangles that have such an edge, the triangles of their fans, and which of them each
-        of these belongs to."""
-        edges = triangles * n + np.roll(triangles, -1, axis=1)
-        at = np.minimum(np.searchsorted(keys, edges), len(keys) - 1)
-        hit = keys[at] == edges
-        rows = np.flatnonzero(hit.any(axis=1))
-        k = hit[rows].argmax(axis=1)
-        at = at[rows, k]
-        a, b, apex = triangles[rows, k], triangles[rows, (k + 1) % 3], triangles[rows, (k + 2) % 3]
-        number = count[which[at]]
-        owner = np.repeat(np.arange(len(rows)), number + 1)
-        step = np.arange(len(owner)) - np.repeat(np.cumsum(number + 1) - (number + 1), number + 1)
-        along = np.where(forward[at][owner], step, number[owner] - step)
-        point = first[which[at]][owner] + along
-        start = np.where(step == 0, a[owner], point - np.where(forward[at][owner], 1, 0))
-        end = np.where(step == number[owner], b[owner], point - np.where(forward[at][owner], 0, 1))
-        return rows, np.stack([start, end, apex[owner]], axis=1), rows[owner]
-
-    # Only triangles with two boundary samples can have such an edge.
-    beside = np.flatnonzero((triangles < mesh.n_samples).sum(axis=1) > 1)
-    rows, fans, owner = fans_of(triangles[beside])
-    parts = [(np.delete(triangles, beside[rows], axis=0), np.delete(patch, beside[rows]))]
-    fan_patch = patch[beside[owner]]
-    for _ in range(2):
-        rows, finer, owner = fans_of(fans)
-        parts.append((np.delete(fans, rows, axis=0), np.delete(fan_patch, rows)))
-        fans, fan_patch = finer, fan_patch[owner]
-    parts.append((fans, fan_patch))
-    return (
-        np.concatenate([own for own, _ in parts]),
-        np.concatenate([of for _, of in parts]),
-        len(parts[0][0]),
-    )
+def _between_samples(samples: BoundarySamples, count: Ints) -> tuple[Ints, Floats]:
+    """Curves and parameters of `count` `(s,)` points that cut each segment evenly."""
+    segment = np.repeat(np.arange(len(count)), count)
+    within = np.arange(len(segment)) - (np.cumsum(count) - count)[segment] + 1
+    start, end = samples.segment_u[segment].T
+    return samples.segment_curve[segment], start + (end - start) * within / (count[segment] + 1)

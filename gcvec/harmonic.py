@@ -25,7 +25,7 @@ BLOCK = 256
 def cotangent_laplacian(vertices: Floats, triangles: Ints) -> sparse.csr_array:
     """Stiffness matrix `(v, v)` of linear elements: symmetric, rows sum to 0, exact for linear functions.
 
-    `vertices` is `(v, 2)`, `triangles` `(t, 3)` of positive area.
+    `vertices` is `(v, 2)`, `triangles` `(t, 3)`; ValueError where their area is not positive.
     """
     n = len(vertices)
     corner = vertices[triangles]
@@ -34,7 +34,10 @@ def cotangent_laplacian(vertices: Floats, triangles: Ints) -> sparse.csr_array:
         i, j = triangles[:, (k + 1) % 3], triangles[:, (k + 2) % 3]
         a = corner[:, (k + 1) % 3] - corner[:, k]
         b = corner[:, (k + 2) % 3] - corner[:, k]
-        half_cotangent = (a * b).sum(axis=1) / (2 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+        double_area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        if (double_area <= 0).any():
+            raise ValueError("triangles without area")
+        half_cotangent = (a * b).sum(axis=1) / (2 * double_area)
         rows += [i, j, i, j]
         columns += [j, i, i, j]
         values += [-half_cotangent, -half_cotangent, half_cotangent, half_cotangent]

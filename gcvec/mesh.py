@@ -8,15 +8,14 @@ is a lot of room.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import pythoncdt
 from numpy.typing import NDArray
 
 from gcvec.boundary import Network
 from gcvec.kernels import kernel
 from gcvec.samples import BoundarySamples
+from gcvec.triangulation import patch_triangulation
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -146,81 +145,15 @@ def build_mesh(
     sites = np.concatenate([samples.domain, jitter(points, origin)])
     if free:
         sites = np.concatenate([sites, free_points(sites, network.width, network.height, origin)])
-    triangles, neighbours = constrained_delaunay(sites, samples.segments)
-    right, left = network.sides[samples.segment_curve].T
-    patch = _patch_of_triangles(triangles, neighbours, samples.segments, left, right, len(sites))
+    sides = network.sides[samples.segment_curve]
+    triangles, patch = patch_triangulation(sites, samples.segments, sides, network.height)
     if network.origin is not None:
-        sites, triangles, patch = _inside(sites, triangles, patch, len(samples) + len(points))
-    # Row by row, so that what is near in the picture is near in memory.
-    row = sites[triangles, 1].sum(axis=1).astype(np.int16 if network.height < 10_000 else np.int32)
-    order = np.argsort(row, kind="stable")
-    return Mesh(sites, triangles[order], patch[order], len(samples), len(points))
+        sites, triangles = _used(sites, triangles, len(samples) + len(points))
+    return Mesh(sites, triangles, patch, len(samples), len(points))
 
 
-def _inside(sites: Floats, triangles: Ints, patch: Ints, first_free: int) -> tuple[Floats, Ints, Ints]:
-    """The mesh without the triangles of no patch, nor the free points there."""
-    triangles, patch = triangles[patch >= 0], patch[patch >= 0]
+def _used(sites: Floats, triangles: Ints, first_free: int) -> tuple[Floats, Ints]:
+    """The vertices without the free ones that no triangle has, and the triangles with the new numbers."""
     used = np.arange(len(sites)) < first_free
     used[triangles] = True
-    return sites[used], (np.cumsum(used) - 1)[triangles], patch
-
-
-def constrained_delaunay(vertices: Floats, segments: Ints) -> tuple[Ints, Ints]:
-    """Triangles `(t, 3)` and their neighbours `(t, 3)` (-1: none) inside the outermost constraint segments.
-
-    Neighbour k lies across the edge from corner k to corner k + 1.
-    """
-    cdt = pythoncdt.Triangulation(
-        pythoncdt.VertexInsertionOrder.AUTO, pythoncdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0
-    )
-    buffers: Any = cdt  # its stubs know sequences only
-    buffers.insert_vertices(np.ascontiguousarray(vertices, np.float64))
-    buffers.insert_edges(np.ascontiguousarray(segments, np.uint32))
-    cdt.erase_outer_triangles()
-    result = cdt.triangles_array()
-    neighbours = result["neighbors"].astype(np.int64)
-    neighbours[neighbours == pythoncdt.NO_NEIGHBOR] = -1
-    return result["vertices"].astype(np.int64), neighbours
-
-
-def _patch_of_triangles(
-    triangles: Ints, neighbours: Ints, segments: Ints, left: Ints, right: Ints, n_vertices: int
-) -> Ints:
-    """Patch of every triangle: known at the constraint segments, spread from there."""
-    keys = np.concatenate(
-        [segments[:, 0] * n_vertices + segments[:, 1], segments[:, 1] * n_vertices + segments[:, 0]]
-    )
-    sides = np.concatenate([right, left])
-    order = np.argsort(keys)
-    keys, sides = keys[order], sides[order]
-    # Only triangles with two boundary samples can lie at one.
-    beside = np.flatnonzero((triangles <= segments.max()).sum(axis=1) > 1)
-    edges = triangles[beside] * n_vertices + np.roll(triangles[beside], -1, axis=1)
-    at = np.minimum(np.searchsorted(keys, edges), len(keys) - 1)
-    side = np.full(triangles.shape, -2)
-    side[beside] = np.where(keys[at] == edges, sides[at], -2)
-    return np.asarray(_spread(side, neighbours))
-
-
-@kernel
-def _spread(side, neighbours):
-    n = len(side)
-    patch = np.full(n, -2, np.int64)
-    stack = np.empty(n, np.int64)
-    top = 0
-    for t in range(n):
-        for k in range(3):
-            if side[t, k] != -2 and patch[t] == -2:
-                patch[t] = side[t, k]
-                stack[top] = t
-                top += 1
-    while top > 0:
-        top -= 1
-        t = stack[top]
-        for k in range(3):
-            other = neighbours[t, k]
-            if side[t, k] == -2 and other >= 0 and patch[other] == -2:
-                patch[other] = patch[t]
-                stack[top] = other
-                top += 1
-    return patch
+    return sites[used], (np.cumsum(used) - 1)[triangles]

@@ -8,6 +8,8 @@ be, and of which sign, is told by the differences nearby, and by those of the ax
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,7 @@ from gcvec.entropy import Coder
 from gcvec.integer_coding import NODES, code_integer, sign, size_class
 from gcvec.kernels import bare_kernel, kernel
 from gcvec.mixing import Model, place_contexts
+from gcvec.parallel import in_shares
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,6 +50,42 @@ _AXIS_ROWS = _SELECTORS * NODES
 POINT_COUNTERS, POINT_ROWS, POINT_INPUTS = 3 * _AXIS_COUNTERS, 3 * _AXIS_ROWS, _SIZE_CONTEXTS
 
 
+class Neighborhoods(NamedTuple):
+    """The known points of the same patch nearest to each point when its turn comes, and how they count.
+
+    known   (n,) int64, how many there are, at most 6
+    near    (n, 6) int64, which ones, the nearest first
+    square  (n, 6) int64, their square distances
+    share   (n, 6) float64, their weights in the best linear prediction
+    """
+
+    known: Ints
+    near: Ints
+    square: Ints
+    share: Floats
+
+
+def neighborhoods(points: Ints, patch: Ints, height: int, width: int) -> Neighborhoods:
+    """Those of points `(n, 2)` by rows, of these patches `(n,)`, in a picture of that size."""
+    number = np.full((height, width), -1, np.int32)
+    number[points[:, 1], points[:, 0]] = np.arange(len(points))
+    shape = len(points), _NEIGHBORS
+    found = Neighborhoods(
+        np.zeros(len(points), np.int64), np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape)
+    )
+    in_shares(lambda first, last: _find(points, patch, number, first, last, found), len(points))
+    return found
+
+
+@kernel
+def _find(points, patch, number, first, last, found):
+    covariance = np.zeros((_NEIGHBORS, _NEIGHBORS))
+    for i in range(first, last):
+        n = _nearest_known(points, patch, number, i, found.near[i], found.square[i])
+        _krige(points, found.near[i], found.square[i], n, covariance, found.share[i])
+        found.known[i] = n
+
+
 @kernel
 def code_point_colors(
     coder: Coder,
@@ -54,25 +93,22 @@ def code_point_colors(
     points: Ints,
     patch: Ints,
     occupied: NDArray[np.uint8],
+    around: Neighborhoods,
     wanted: Floats,
     result: Ints,
 ) -> None:
     """Write the coordinates `wanted` `(n, 3)`, in steps, of points `(n, 2)` by rows, or read them.
 
     Either way `result` `(n, 3)` becomes what a decoder sees, in sixteenths of a step. `patch` `(n,)` is the
-    points' own, `occupied` `(h, w)` their bitmap.
+    points' own, `occupied` `(h, w)` their bitmap, `around` their neighbourhoods.
     """
     width = occupied.shape[1]
-    number = np.full(occupied.shape, -1, np.int32)
-    near, square = np.zeros(_NEIGHBORS, np.int64), np.zeros(_NEIGHBORS, np.int64)
     closeness = np.zeros(_NEIGHBORS, np.int64)
-    share, covariance = np.zeros(_NEIGHBORS), np.zeros((_NEIGHBORS, _NEIGHBORS))
     steps = np.zeros(result.shape, np.int64)
     average, activity, spread = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3, np.int64)
     features, gain, power = np.zeros(_FEATURES), np.zeros((3, _FEATURES)), np.ones((3, _FEATURES))
     for i in range(len(points)):
-        n = _nearest_known(points, patch, number, i, near, square)
-        _krige(points, near, square, n, covariance, share)
+        n, near, square, share = around.known[i], around.near[i], around.square[i], around.share[i]
         _survey(near, square, n, result, steps, closeness, average, activity, spread)
         x, y = points[i, 0], points[i, 1]
         dense, pattern = min(_count(occupied, x, y) // 3, 15), _pattern(occupied, x, y)
@@ -87,16 +123,16 @@ def code_point_colors(
             learn(gain[axis], power[axis], features, step)
             steps[i, axis] = step
             result[i, axis] = min(max(prediction + FRACTION * step, -FURTHEST), FURTHEST)
-        number[y, x] = i
 
 
 @bare_kernel
 def _nearest_known(
     points: Ints, patch: Ints, number: NDArray[np.int32], i: int, near: Ints, square: Ints
 ) -> int:
-    """The known points of the same patch nearest to point i, in order, and their square distances.
+    """The points of the same patch before point i that are nearest to it, in order, and their square
+    distances.
 
-    `number` `(h, w)` says which known point a pixel holds, -1: none. Squares of pixels around the point are
+    `number` `(h, w)` says which point a pixel holds, -1: none. Squares of pixels around the point are
     searched from the inside out, each by its upper edge, then the left and right ones downwards. Returns how
     many were found.
     """
@@ -116,7 +152,7 @@ def _nearest_known(
                 if not 0 <= column < width:
                     continue
                 j = number[row, column]
-                if j < 0 or patch[j] != patch[i]:
+                if not 0 <= j < i or patch[j] != patch[i]:
                     continue
                 d = (column - x) ** 2 + (row - y) ** 2
                 if n == _NEIGHBORS and d >= square[n - 1]:

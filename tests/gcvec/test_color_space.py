@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gcvec.canonical import Canvas, lay_canvas
-from gcvec.color_space import LEFT, RIGHT
+from gcvec.color_space import LEFT, RIGHT, boundary_corners
 from gcvec.drawing import Drawing
 from tests.gcvec.scenes import foundation_of, some_points
 
@@ -29,7 +29,7 @@ def slow_row(canvas: Canvas, drawing: Drawing, corner: int, patch: int) -> np.nd
                 row[unknown(control)] += weight
         row[space.size :] += blend.points[[free]].toarray()[0]
     else:
-        (at,) = drawing.boundary_index(np.array([corner]))
+        at = corner if corner < mesh.n_samples else corner - len(mesh.vertices) + mesh.n_samples
         for control, weight in zip(drawing.control[at], drawing.weight[at], strict=True):
             at_node = drawing.curve[at] < 0
             key = corner * len(network.loops) + patch
@@ -52,6 +52,26 @@ def test_every_corner_has_the_colour_of_its_side(scene: str, hard: bool) -> None
             np.testing.assert_allclose(operator[[index[t, k]]].toarray()[0], expected, rtol=0, atol=1e-14)
     kinds = drawing.triangles[drawing.triangles < len(canvas.mesh.vertices)]
     assert (kinds >= canvas.mesh.first_free).any()
+
+
+def test_colours_of_corners_are_numbered_by_vertex_and_patch() -> None:
+    """Against sorted pairs."""
+    foundation = foundation_of("nested")
+    canvas = lay_canvas(foundation, some_points(foundation, 12))
+    drawing, n_samples, n_vertices = canvas.drawing(), canvas.mesh.n_samples, len(canvas.mesh.vertices)
+    n_interior = n_vertices - n_samples
+    color, vertex, patch = boundary_corners(drawing.triangles, drawing.patch, n_samples, n_vertices)
+    boundary = (drawing.triangles < n_samples) | (drawing.triangles >= n_vertices)
+    numbers = np.where(drawing.triangles < n_samples, drawing.triangles, drawing.triangles - n_interior)
+    owners = np.broadcast_to(drawing.patch[:, None], numbers.shape)
+    pairs = np.unique(np.stack([numbers[boundary], owners[boundary]], axis=1), axis=0)
+    np.testing.assert_array_equal(np.stack([vertex, patch], axis=1), pairs)
+    place = {(v, p): n_interior + i for i, (v, p) in enumerate(pairs.tolist())}
+    expected = [
+        place[v, p] for v, p in zip(numbers[boundary].tolist(), owners[boundary].tolist(), strict=True)
+    ]
+    assert color[boundary].tolist() == expected
+    np.testing.assert_array_equal(color[~boundary], drawing.triangles[~boundary] - n_samples)
 
 
 def test_colours_are_weighted_means() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from gcvec.harmonic import cotangent_laplacian, harmonic_coordinates, harmonic_extension
-from gcvec.mesh import constrained_delaunay
+from gcvec.triangulation import constrained_delaunay
 
 Floats = np.ndarray
 Inside = Callable[[Floats, Floats], np.ndarray]

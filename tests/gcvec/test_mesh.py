@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcvec.mesh import COARSEST_LEVEL, FINEST_CELL, build_mesh, constrained_delaunay, free_points, jitter
+from gcvec.mesh import COARSEST_LEVEL, FINEST_CELL, build_mesh, free_points, jitter
 from tests.gcvec.scenes import SCENES, foundation_of, no_points, some_points
 
 
@@ -61,23 +61,6 @@ def test_jitter_stays_within_a_twentieth_of_a_pixel_and_differs_everywhere() -> 
     np.testing.assert_array_equal(jitter(pixels[5:6]), jitter(pixels)[5:6])
 
 
-def test_delaunay_keeps_constraints_and_drops_what_lies_outside() -> None:
-    vertices = np.array([[0, 0], [8, 0], [8, 8], [4, 1], [0, 8.0], [1, 2]])
-    ring = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 0]])
-    triangles, neighbours = constrained_delaunay(vertices, ring)
-    assert areas(vertices, triangles).min() > 0
-    assert areas(vertices, triangles).sum() == pytest.approx(shoelace(vertices[[0, 1, 2, 3, 4]]))
-    edges = {frozenset(e) for t in triangles.tolist() for e in zip(t, t[1:] + t[:1], strict=True)}
-    assert {frozenset(e) for e in ring.tolist()} <= edges
-    for t, around in enumerate(neighbours):
-        for k, other in enumerate(around):
-            edge = {int(triangles[t, k]), int(triangles[t, (k + 1) % 3])}
-            if other >= 0:
-                assert edge <= set(triangles[other].tolist())
-            else:
-                assert any(edge == set(e) for e in ring.tolist())
-
-
 @pytest.mark.parametrize("scene", SCENES)
 def test_triangles_are_positive_and_fill_each_domain(scene: str) -> None:
     foundation = foundation_of(scene)
@@ -104,21 +87,6 @@ def test_only_boundary_samples_lie_on_one_circle(scene: str) -> None:
     assert all(max(quad) < mesh.n_samples for quad in quads)
     if scene == "whole":
         assert quads  # the rectangles between opposite sides of the frame
-
-
-def test_ties_are_broken_by_the_order_of_vertices_alone() -> None:
-    """Samples on a lattice, nothing but ties: the same order of vertices makes the same mesh."""
-    y, x = np.mgrid[:6, :7]
-    vertices = np.stack([x.ravel(), y.ravel()], axis=1).astype(float)
-    ring = np.flatnonzero((x.ravel() == 0) | (x.ravel() == 6) | (y.ravel() == 0) | (y.ravel() == 5))
-    angle = np.arctan2(vertices[ring, 1] - 2.5, vertices[ring, 0] - 3)
-    ring = ring[np.argsort(angle)]
-    segments = np.stack([ring, np.roll(ring, -1)], axis=1)
-    expected, _ = constrained_delaunay(vertices, segments)
-    assert len(expected) == 2 * 5 * 6
-    for shift in (0.0, 1000.0):
-        again, _ = constrained_delaunay(vertices.copy() + shift, segments[::-1])
-        np.testing.assert_array_equal(again, expected)
 
 
 def diagonals(triangles: np.ndarray) -> list[list[int]]:
