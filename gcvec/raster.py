@@ -21,25 +21,40 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+POLYGONS = 5, 12, 2
+"""Scratch of `cover_triangle`: polygons that a triangle is cut into, and room for their corners."""
+
+
 @bare_kernel
-def _clip_axis(src, n, dst, axis, bound, keep_below):
-    """Sutherland-Hodgman against one axis-parallel line; returns the number of corners written to `dst`."""
-    count = 0
+def _split(source, n, axis, bound, low, high):
+    """Cut a convex polygon of n corners along an axis-parallel line (Sutherland and Hodgman 1974).
+
+    What lies before the line goes to `low`, and behind it to `high`; returns how many corners they have.
+    """
+    n_low, n_high = 0, 0
+    before_x, before_y = source[n - 1, 0], source[n - 1, 1]
+    before = source[n - 1, axis] - bound
     for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        a, b = src[i, axis] - bound, src[j, axis] - bound
-        if keep_below:
-            a, b = -a, -b
-        if a >= 0.0:
-            dst[count, 0], dst[count, 1] = src[i, 0], src[i, 1]
-            count += 1
-        if (a > 0.0 and b < 0.0) or (a < 0.0 and b > 0.0):
-            t = a / (a - b)
-            other = 1 - axis
-            dst[count, other] = src[i, other] + t * (src[j, other] - src[i, other])
-            dst[count, axis] = bound
-            count += 1
-    return count
+        x, y = source[i, 0], source[i, 1]
+        here = source[i, axis] - bound
+        if (before < 0.0 and here > 0.0) or (before > 0.0 and here < 0.0):
+            t = before / (before - here)
+            if axis == 0:
+                at_x, at_y = bound, before_y + t * (y - before_y)
+            else:
+                at_x, at_y = before_x + t * (x - before_x), bound
+            low[n_low, 0], low[n_low, 1] = at_x, at_y
+            high[n_high, 0], high[n_high, 1] = at_x, at_y
+            n_low += 1
+            n_high += 1
+        if here <= 0.0:
+            low[n_low, 0], low[n_low, 1] = x, y
+            n_low += 1
+        if here >= 0.0:
+            high[n_high, 0], high[n_high, 1] = x, y
+            n_high += 1
+        before_x, before_y, before = x, y, here
+    return n_low, n_high
 
 
 @bare_kernel
@@ -64,7 +79,8 @@ def cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch):
     """Append this triangle's `(pixel, weight of each corner)` entries in the rows from `top` to `bottom`;
     returns the new count.
 
-    The weights of one entry add up to the area of the triangle inside the pixel.
+    Pixels come in ascending order. The weights of one entry add up to the area of the triangle inside the
+    pixel. `scratch` has the shape `POLYGONS`.
     """
     x0, y0 = corners[0, 0], corners[0, 1]
     x1, y1 = corners[1, 0], corners[1, 1]
@@ -74,36 +90,53 @@ def cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch):
         return count
     gx1, gy1 = (y2 - y0) / twice_area, -(x2 - x0) / twice_area
     gx2, gy2 = -(y1 - y0) / twice_area, (x1 - x0) / twice_area
-    row, strip, half, cell = scratch[0], scratch[1], scratch[2], scratch[3]
-    first_row = max(int(np.floor(min(y0, y1, y2))), top)
-    last_row = min(int(np.ceil(max(y0, y1, y2))), bottom)
+    # Barycentric coordinates are linear: the square is inside if they stay positive over it.
+    r1 = 0.5 * (abs(gx1) + abs(gy1))
+    r2 = 0.5 * (abs(gx2) + abs(gy2))
+    r0 = 0.5 * (abs(gx1 + gx2) + abs(gy1 + gy2))
+    whole = 1.0 if twice_area > 0.0 else -1.0
+    lowest, highest = min(y0, y1, y2), max(y0, y1, y2)
+    first_row, last_row = max(int(np.floor(lowest)), top), min(int(np.ceil(highest)), bottom)
+    below, strip, right, cell, spare = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
+    for k in range(3):
+        below[k, 0], below[k, 1] = corners[k, 0], corners[k, 1]
+    n_below = 3
+    if lowest < first_row:
+        _, n_below = _split(below, n_below, 1, float(first_row), strip, spare)
+        below, spare = spare, below
     for y in range(first_row, last_row):
-        n = _clip_axis(corners, 3, row, 1, float(y), False)
-        n = _clip_axis(row, n, strip, 1, float(y + 1), True)
+        if highest > y + 1:
+            n, n_below = _split(below, n_below, 1, float(y + 1), strip, spare)
+            below, spare = spare, below
+        else:
+            n = n_below
+            strip, below = below, strip
         if n < 3:
             continue
         low, high = strip[0, 0], strip[0, 0]
         for i in range(1, n):
             low, high = min(low, strip[i, 0]), max(high, strip[i, 0])
-        first, last = max(int(np.floor(low)), 0), min(int(np.ceil(high)), width)
-        for x in range(first, last):
-            # Barycentric coordinates are linear: the square is inside if they stay positive over it.
+        # Of the strip only what lies to the right of `cut` is left.
+        cut = low
+        for x in range(max(int(np.floor(low)), 0), min(int(np.ceil(high)), width)):
             b1 = gx1 * (x + 0.5 - x0) + gy1 * (y + 0.5 - y0)
             b2 = gx2 * (x + 0.5 - x0) + gy2 * (y + 0.5 - y0)
             b0 = 1.0 - b1 - b2
-            r1 = 0.5 * (abs(gx1) + abs(gy1))
-            r2 = 0.5 * (abs(gx2) + abs(gy2))
-            r0 = 0.5 * (abs(gx1 + gx2) + abs(gy1 + gy2))
-            area = 1.0 if twice_area > 0.0 else -1.0
+            area = whole
             if b0 < r0 or b1 < r1 or b2 < r2:
-                if low >= x and high <= x + 1:
-                    area, cx, cy = _area_centroid(strip, n)
+                if cut < x:
+                    _, n = _split(strip, n, 0, float(x), cell, right)
+                    strip, right = right, strip
+                n_cell = n
+                if high > x + 1:
+                    cut = float(x + 1)
+                    n_cell, n = _split(strip, n, 0, cut, cell, right)
+                    strip, right = right, strip
                 else:
-                    k = _clip_axis(strip, n, half, 0, float(x), False)
-                    k = _clip_axis(half, k, cell, 0, float(x + 1), True)
-                    if k < 3:
-                        continue
-                    area, cx, cy = _area_centroid(cell, k)
+                    strip, cell = cell, strip
+                if n_cell < 3:
+                    continue
+                area, cx, cy = _area_centroid(cell, n_cell)
                 if area == 0.0:
                     continue
                 b1 = gx1 * (cx - x0) + gy1 * (cy - y0)
@@ -149,9 +182,10 @@ def _most_entries(vertices, triangles, width, height, first, last, corners):
 
 
 @bare_kernel
-def _coverage(vertices, triangles, width, height, first, last, count, start, end, pixel, weights, scratch):
+def _coverage(
+    vertices, triangles, width, height, first, last, count, start, end, pixel, weights, corners, scratch
+):
     """Write the entries of the triangles `first` to `last` from `count` on, and where each one's lie."""
-    corners = scratch[4]
     for t in range(first, last):
         for k in range(3):
             corners[k, 0], corners[k, 1] = vertices[triangles[t, k], 0], vertices[triangles[t, k], 1]
@@ -164,7 +198,7 @@ def _coverage(vertices, triangles, width, height, first, last, count, start, end
 def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row, picture):
     """Add the rows `first_row` to `last_row` of the picture, which is 0 there."""
     channels = colors.shape[1]
-    scratch = np.empty((4, 12, 2))
+    scratch = np.empty(POLYGONS)
     corners = np.empty((3, 2))
     pixel = np.empty(1024, np.int32)
     weights = np.empty((1024, 3))
@@ -184,6 +218,12 @@ def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row
                     picture[pixel[e], c] += weights[e, k] * colors[corner_color[t, k], c]
 
 
+@bare_kernel
+def _lies_elsewhere(pixel, start, end, first_pixel, last_pixel):
+    """Whether none of a triangle's entries, in ascending order, is of a pixel of the range."""
+    return start == end or pixel[start] >= last_pixel or pixel[end - 1] < first_pixel
+
+
 @kernel
 def _rows(start, end, pixel, weights, corner_color, first_pixel, last_pixel):
     """Compressed rows, one for each pixel of a range, of the weights of colours, those of one colour added
@@ -191,6 +231,8 @@ def _rows(start, end, pixel, weights, corner_color, first_pixel, last_pixel):
     n_pixels = last_pixel - first_pixel
     first = np.zeros(n_pixels + 1, np.int64)
     for t in range(len(start)):
+        if _lies_elsewhere(pixel, start[t], end[t], first_pixel, last_pixel):
+            continue
         for e in range(start[t], end[t]):
             if first_pixel <= pixel[e] < last_pixel:
                 first[pixel[e] - first_pixel + 1] += 1
@@ -200,6 +242,8 @@ def _rows(start, end, pixel, weights, corner_color, first_pixel, last_pixel):
     owner = np.empty(first[n_pixels], np.int32)
     at = first[:-1].copy()
     for t in range(len(start)):
+        if _lies_elsewhere(pixel, start[t], end[t], first_pixel, last_pixel):
+            continue
         for e in range(start[t], end[t]):
             if first_pixel <= pixel[e] < last_pixel:
                 p = pixel[e] - first_pixel
@@ -251,7 +295,7 @@ class Coverage:
         self.pixel, self.weights = np.empty(begin[-1], np.int32), np.empty((begin[-1], 3), precision)
 
         def fill(share: tuple[int, int, int], count: int) -> None:
-            out = (self.start, self.end, self.pixel, self.weights, np.empty((5, 12, 2)))
+            out = (self.start, self.end, self.pixel, self.weights, np.empty((3, 2)), np.empty(POLYGONS))
             _coverage(vertices, triangles, width, height, share[0], share[1], count, *out)
 
         in_turn(lambda pair: fill(*pair), list(zip(shares, begin.tolist(), strict=False)))

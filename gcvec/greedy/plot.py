@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.kernels import bare_kernel, kernel
-from gcvec.raster import cells, cover_triangle, most_entries_of
+from gcvec.raster import POLYGONS, cells, cover_triangle, most_entries_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -67,7 +67,7 @@ class Plot(NamedTuple):
     worst       (CANDIDATES,) scratch
     candidate   (CANDIDATES,) int64, scratch
     places      (3, 2) scratch
-    clipping    (4, 12, 2) scratch
+    clipping    POLYGONS, scratch
     photo       (h w, 3) all of it
     first_row   of the picture, where pixels begin
     rows        of the strip
@@ -177,7 +177,7 @@ def plot(
         worst=np.empty(CANDIDATES),
         candidate=np.empty(CANDIDATES, np.int64),
         places=np.empty((3, 2)),
-        clipping=np.empty((4, 12, 2)),
+        clipping=np.empty(POLYGONS),
         photo=photo,
         first_row=first_row,
         rows=last_row - first_row,
