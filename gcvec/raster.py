@@ -349,33 +349,36 @@ def paint(
     return picture.reshape(height, width, -1)
 
 
-@kernel
-def _locate(vertices, triangles, width, height):
-    owner = np.full((height, width), -1, np.int32)
+@bare_kernel
+def _locate(vertices, triangles, width, first_row, last_row, owner):
+    """Find the triangles of the pixel centres in some rows: where several hold one, the last."""
     for t in range(len(triangles)):
-        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
-        y_first = max(int(np.ceil(min(a[1], b[1], c[1]) - 0.5)), 0)
-        y_last = min(int(np.floor(max(a[1], b[1], c[1]) - 0.5)), height - 1)
-        x_first = max(int(np.ceil(min(a[0], b[0], c[0]) - 0.5)), 0)
-        x_last = min(int(np.floor(max(a[0], b[0], c[0]) - 0.5)), width - 1)
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ax, ay = vertices[a, 0], vertices[a, 1]
+        bx, by = vertices[b, 0], vertices[b, 1]
+        cx, cy = vertices[c, 0], vertices[c, 1]
+        y_first = max(int(np.ceil(min(ay, by, cy) - 0.5)), first_row)
+        y_last = min(int(np.floor(max(ay, by, cy) - 0.5)), last_row - 1)
+        x_first = max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0)
+        x_last = min(int(np.floor(max(ax, bx, cx) - 0.5)), width - 1)
         for y in range(y_first, y_last + 1):
             for x in range(x_first, x_last + 1):
                 px, py = x + 0.5, y + 0.5
-                inside = (
-                    (b[0] - a[0]) * (py - a[1]) - (b[1] - a[1]) * (px - a[0]) >= 0
-                    and (c[0] - b[0]) * (py - b[1]) - (c[1] - b[1]) * (px - b[0]) >= 0
-                    and (a[0] - c[0]) * (py - c[1]) - (a[1] - c[1]) * (px - c[0]) >= 0
-                )
-                if inside:
+                if (
+                    (bx - ax) * (py - ay) - (by - ay) * (px - ax) >= 0
+                    and (cx - bx) * (py - by) - (cy - by) * (px - bx) >= 0
+                    and (ax - cx) * (py - cy) - (ay - cy) * (px - cx) >= 0
+                ):
                     owner[y, x] = t
-    return owner
 
 
 def triangle_at_pixel_centres(
     vertices: Floats, triangles: Ints, width: int, height: int
 ) -> NDArray[np.int32]:
     """`(height, width) int32`: the triangle that holds each pixel's centre, -1 where there is none."""
-    return np.asarray(_locate(vertices, triangles, width, height))
+    owner = np.full((height, width), -1, np.int32)
+    in_shares(lambda first, last: _locate(vertices, triangles, width, first, last, owner), height)
+    return owner
 
 
 @kernel

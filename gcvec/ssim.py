@@ -1,10 +1,12 @@
-"""Structural similarity (Wang et al. 2004), a few rows at a time."""
+"""Structural similarity (Wang et al. 2004), a few rows of a channel at a time."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from gcvec.parallel import in_turn
 
 Floats = NDArray[np.float64]
 
@@ -25,11 +27,14 @@ def ssim(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     if window < 3:
         return 1.0 if np.array_equal(a, b) else 0.0
     rows = height - window + 1
-    total = 0.0
-    for first in range(0, rows, BAND):
+
+    def share(band: tuple[int, int]) -> float:
+        first, channel = band
         own = slice(first, min(first + BAND, rows) + window - 1)
-        total += sum(_similarities(a[own, :, k], b[own, :, k], window).sum() for k in range(3))
-    return float(total / (3 * rows * (width - window + 1)))
+        return float(_similarities(a[own, :, channel], b[own, :, channel], window).sum())
+
+    total = sum(in_turn(share, [(first, k) for first in range(0, rows, BAND) for k in range(3)]))
+    return total / (3 * rows * (width - window + 1))
 
 
 def _similarities(a: NDArray[np.uint8], b: NDArray[np.uint8], window: int) -> Floats:

@@ -63,7 +63,8 @@ def begin_placement(
             canvas.foundation.network.width,
         )
 
-    plots = in_turn(share, range(int(strip.max(initial=0)) + 1))
+    largest_first = np.argsort(-np.bincount(strip, minlength=1), kind="stable")
+    plots = in_turn(share, largest_first.tolist())
     return Placement(plots, seats, float(np.sum(residual**2, dtype=np.float64)), room, pull)
 
 
