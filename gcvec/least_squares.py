@@ -37,7 +37,7 @@ class NormalEquations:
         shares = in_shares(
             lambda first, last: _gram_product(b.indptr, b.indices, b.data, values, first, last), b.shape[0]
         )
-        back: Floats = self.operator.T @ sum(shares)
+        back: Floats = self.operator.T @ _total(shares)
         return back + self.pull[:, None] * x
 
     @cached_property
@@ -65,7 +65,15 @@ def from_pixels(design: sparse.csr_array, picture: NDArray[np.float32]) -> Float
         _scatter(design.indptr, design.indices, design.data, picture, first, last, part)
         return part
 
-    return np.asarray(sum(in_shares(share, len(picture))))
+    return _total(in_shares(share, len(picture)))
+
+
+def _total(parts: list[Floats]) -> Floats:
+    """The sum of parts of one shape, in the place of the first."""
+    total, *others = parts
+    for part in others:
+        total += part
+    return total
 
 
 @bare_kernel
@@ -137,30 +145,44 @@ def solve(
     side.
     Unknowns where `fixed` `(n, 3)` is set keep their start values.
     """
-    scale = 1 / equations.diagonal[:, None]
-    moving = 1.0 if fixed is None else (~fixed).astype(np.float64)
+    scale = 1 / equations.diagonal
+    moving = np.ones(start.shape, bool) if fixed is None else ~fixed
     x = start.copy()
     residual = moving * (equations.right - equations.apply(x))
-    enough = tolerance**2 * _sums(scale * equations.right, equations.right)
-    preconditioned = scale * residual
-    energy = _sums(residual, preconditioned)
-    direction = preconditioned
+    direction = scale[:, None] * residual
+    energy = _sums(residual, direction)
+    enough = tolerance**2 * _sums(scale[:, None] * equations.right, equations.right)
     for _ in range(iterations):
         if (energy <= enough).all():
             break
-        image = moving * equations.apply(direction)
-        step = energy / np.maximum(_sums(direction, image), 1e-300)
-        x += step * direction
-        residual -= step * image
-        preconditioned = scale * residual
-        before, energy = energy, _sums(residual, preconditioned)
-        direction = preconditioned + energy / np.maximum(before, 1e-300) * direction
+        _advance(x, residual, direction, energy, equations.apply(direction), scale, moving)
     return x
 
 
 def _sums(a: Floats, b: Floats) -> Floats:
     """Scalar products of the columns of `a` and `b`, `(n, 3)` each."""
     return np.asarray(np.einsum("nk,nk->k", a, b))
+
+
+@kernel
+def _advance(x, residual, direction, energy, image, scale, moving):
+    """A step of conjugate gradients in place, `image` being that of the direction, and the next direction."""
+    along = np.zeros(3)
+    for i in range(len(x)):
+        for k in range(3):
+            along[k] += direction[i, k] * image[i, k]
+    step, before = energy / np.maximum(along, 1e-300), np.maximum(energy, 1e-300)
+    energy[:] = 0.0
+    for i in range(len(x)):
+        for k in range(3):
+            if moving[i, k]:
+                x[i, k] += step[k] * direction[i, k]
+                residual[i, k] -= step[k] * image[i, k]
+                energy[k] += scale[i] * residual[i, k] ** 2
+    turn = energy / before
+    for i in range(len(x)):
+        for k in range(3):
+            direction[i, k] = scale[i] * residual[i, k] + turn[k] * direction[i, k]
 
 
 def solve_bounded(

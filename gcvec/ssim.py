@@ -34,7 +34,7 @@ def ssim(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
         return float(_similarities(a[own, :, channel], b[own, :, channel], window).sum())
 
     total = sum(in_turn(share, [(first, k) for first in range(0, rows, BAND) for k in range(3)]))
-    return total / (3 * rows * (width - window + 1))
+    return float(total / (3 * rows * (width - window + 1)))
 
 
 def _similarities(a: NDArray[np.uint8], b: NDArray[np.uint8], window: int) -> Floats:
