@@ -3,18 +3,19 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+KERNELS := $(VENV)/.kernels
 
 .PHONY: help install demo test check serve bench openapi
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' Makefile
 
-install: $(STAMP) ## make .venv with the pinned dependencies
+install: $(KERNELS) ## make .venv with the pinned dependencies
 
-demo: $(STAMP) ## run the whole service on the sample photo; writes demo-out/
+demo: $(KERNELS) ## run the whole service on the sample photo; writes demo-out/
 	$(BIN)/python -m examples.demo
 
-test: $(STAMP) ## run every test
+test: $(KERNELS) ## run every test
 	$(BIN)/pytest --numprocesses 2 --dist loadfile
 
 check: $(STAMP) ## format, lint, types, openapi in step
@@ -23,10 +24,10 @@ check: $(STAMP) ## format, lint, types, openapi in step
 	$(BIN)/mypy
 	$(BIN)/python -m service.openapi --check
 
-serve: $(STAMP) ## run the service on http://127.0.0.1:8000
+serve: $(KERNELS) ## run the service on http://127.0.0.1:8000
 	$(BIN)/gcvec serve
 
-bench: $(STAMP) ## measure time, memory and size; writes docs/benchmarks.md (20 minutes)
+bench: $(KERNELS) ## measure time, memory and size; writes docs/benchmarks.md (20 minutes)
 	$(BIN)/python -m benchmarks
 
 openapi: $(STAMP) ## write openapi/openapi.json anew
@@ -38,7 +39,12 @@ $(STAMP): requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
-	@find gcvec worker -name '*.nb[ic]' -delete  # kernels of another version
-	@$(BIN)/python -m compileall -q gcvec service worker  # where Python is kept from doing so when it runs
-	@$(BIN)/python -m gcvec.kernel_library  # compiles the kernels, so that no picture need wait for it
 	@touch $(STAMP)
+
+# Kernels are compiled beforehand, so that no picture need wait for it: all of them anew once a source has changed,
+# since numba, when it looks for one on disk, does not see a change in another that it calls.
+$(KERNELS): $(STAMP) $(shell find gcvec -name '*.py')
+	@find gcvec worker -name '*.nb[ic]' -delete
+	@$(BIN)/python -m compileall -q gcvec service worker  # where Python is kept from doing so when it runs
+	@$(BIN)/python -m gcvec.kernel_library
+	@touch $(KERNELS)

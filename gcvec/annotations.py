@@ -13,10 +13,8 @@ class Shape:
     """One annotated region.
 
     Either `rings` (each `(n, 2) float64`, pixels, origin at the top-left corner of the top-left pixel;
-    together
-    they cover the union of their interiors) or `mask` (`(h, w) bool`, with its top-left pixel at `offset =
-    (x, y)`).
-    `pointer` says where in the annotation file the shape stands, for warnings.
+    together they cover the union of their interiors) or `mask` (`(h, w) bool`, with its top-left pixel at
+    `offset = (x, y)`). `pointer` says where in the annotation file the shape stands, for warnings.
     """
 
     label: str

@@ -35,7 +35,7 @@ from gcvec.entropy import Coder
 from gcvec.errors import InputError
 from gcvec.file_limits import control_counts, demand, shortest_stream
 from gcvec.geometry_coding import GEOMETRY_COUNTERS, GEOMETRY_INPUTS, GEOMETRY_ROWS, code_geometry
-from gcvec.integer_coding import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
+from gcvec.integer_coding import LONGEST, SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
 from gcvec.loops import network_loops
 from gcvec.mixing import Model, fresh_model
 from gcvec.occupancy_coding import OCCUPANCY_COUNTERS, OCCUPANCY_INPUTS, OCCUPANCY_ROWS, code_occupancy
@@ -101,6 +101,8 @@ def _write(
     sizes = [network.width, network.height, network.n_nodes, len(network.curves), len(network.loops)]
     text = np.frombuffer(json.dumps(image.labels, ensure_ascii=False).encode(), np.uint8).astype(np.int64)
     edited = image.control_points is not None
+    if len(text) >> LONGEST:
+        raise InputError(f"labels of {len(text)} bytes are too long for a file", code="labels-too-long")
     _code_sizes(coder, np.array([*sizes, *astuple(steps), edited, len(text)]))
     code_text(coder, fresh_model(TEXT_COUNTERS, TEXT_ROWS, TEXT_INPUTS), text)
     table = np.array(

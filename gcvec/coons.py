@@ -2,12 +2,12 @@
 
 With v_i = p_i on every polygon it reads
 
-    S(x) = Σ_i λ_i p_i + Σ_i (λ_i + λ_{i+1}) [C_i(t) - (1 - t) p_i - t p_{i+1}],   t = λ_{i+1} / (λ_i +
-    λ_{i+1}):
+    S(x) = Σ_i λ_i p_i + Σ_i (λ_i + λ_{i+1}) [C_i(t) - (1 - t) p_i - t p_{i+1}],
+    t = λ_{i+1} / (λ_i + λ_{i+1}):
 
-the polygon's own interpolation plus the bulge of every curve over its chord. It holds for geometry and
-colour alike, and for polygons with holes, where the sum runs over all loops. Both parts are linear in the
-control points of the curves.
+the polygon's own interpolation plus the bulge of every curve over its chord, where neither λ is 0. It holds
+for geometry and colour alike, and for polygons with holes, where the sum runs over all loops. Both parts are
+linear in the control points of the curves.
 """
 
 from __future__ import annotations
@@ -23,9 +23,6 @@ from gcvec.spline_family import SplineFamily
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-NEGLIGIBLE = 1e-9
-"""A curve whose two coordinates are not both above this does not bulge into a vertex."""
 
 
 def coons(
@@ -109,7 +106,7 @@ def _coons(
                 )
             for edge in range(first_edge[a], first_edge[a + 1]):
                 share_b = weight_of[edge_end[edge]]
-                if share_a <= NEGLIGIBLE or share_b <= NEGLIGIBLE:
+                if share_b == 0.0:
                     continue
                 c = edge_curve[edge]
                 first, n = offsets[c], offsets[c + 1] - offsets[c]

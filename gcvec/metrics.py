@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.errors import InputError
+from gcvec.photo import require_photo
 from gcvec.ssim import ssim
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ class Report:
 
 def compare(pixels: NDArray[np.uint8], image: VectorImage, n_bytes: int) -> Report:
     """Measure `image` against its photo `(h, w, 3) uint8`; `InputError` when the sizes differ."""
+    require_photo(pixels)
     height, width = pixels.shape[:2]
     if (width, height) != (image.width, image.height):
         raise InputError(
@@ -83,7 +85,7 @@ def compare(pixels: NDArray[np.uint8], image: VectorImage, n_bytes: int) -> Repo
 
 
 def squared_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Of two pictures, on the 0-255 scale."""
+    """Of two pictures `(h, w, 3)`, for every pixel and channel `(h, w, 3)`, on the 0-255 scale."""
     return np.asarray(np.square(np.subtract(a, b, dtype=np.int16), dtype=np.int32))
 
 

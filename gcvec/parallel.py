@@ -17,12 +17,18 @@ SHARES = 4
 
 _pool: ThreadPoolExecutor | None = None
 _workers = 0
+"""Threads in use; 0: nobody has said yet."""
+
+
+def cores() -> int:
+    """How many processors this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def use_workers(workers: int) -> None:
-    """Use this many threads from now on; 0 is one for every core that the process may run on."""
+    """Use this many threads from now on; 0 is one for every core, as it is where nobody says."""
     global _workers
-    wanted = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
+    wanted = workers or cores()
     if wanted != _workers:
         _workers = wanted
         _forget_pool()
@@ -37,6 +43,8 @@ def in_shares(work: Callable[[int, int], T], n: int) -> list[T]:
 def in_turn(work: Callable[[S], T], items: Sequence[S]) -> list[T]:
     """`work(item)` for every one of some items; the results in order."""
     global _pool
+    if not _workers:
+        use_workers(0)
     if _workers < 2 or len(items) < 2:
         return [work(item) for item in items]
     if _pool is None:

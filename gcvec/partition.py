@@ -13,6 +13,7 @@ from gcvec.annotations import Annotations, Shape
 from gcvec.components import SLIVER_AREA, absorb_slivers, connected_components
 from gcvec.errors import InputError
 from gcvec.gaps import UNCOVERED, close_gaps
+from gcvec.plain_text import plain_label
 from gcvec.polygon_fill import fill_ring
 
 BACKGROUND = "background"
@@ -55,7 +56,7 @@ def partition(annotations: Annotations, width: int, height: int) -> Partition:
     owners = absorb_slivers(owners)
     notes.add(f"dropped: under {SLIVER_AREA} px² of it can be seen", painted - _present(owners))
     labels = connected_components(owners)
-    names = [*(shape.label for shape in shapes), BACKGROUND]
+    names = [*(plain_label(shape.label) for shape in shapes), BACKGROUND]
     return Partition(
         labels,
         tuple(names[owner] for owner in _owner_of_region(labels, owners)),

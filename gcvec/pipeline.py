@@ -20,6 +20,7 @@ from gcvec.options import Options
 from gcvec.parallel import use_workers
 from gcvec.partition import Partition, partition
 from gcvec.parts.crew import Crew, refine_by
+from gcvec.photo import require_photo
 from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
@@ -36,6 +37,9 @@ from gcvec.vector_image import VectorImage
 FULL = 0.95
 """A region with this share of the points it may have is taken as full: a few find no place."""
 
+BEFORE_RUNS, AFTER_RUNS = 0.1, 0.95
+"""Shares of the work that are done when refinement begins and when it ends."""
+
 ROUNDING = 0.1
 """The paper's refinement looks at colours as they are before they are rounded to the file's steps, which adds
 at most this share of the target."""
@@ -51,17 +55,18 @@ def vectorize(
     """Vectorize a photo `(h, w, 3) uint8`.
 
     Without annotations the regions are found automatically. `on_progress` hears of every stage and every
-    refinement
-    iteration; an exception it raises ends the run. A `crew` refines the picture in parts, if it has several
-    regions and the strategy is "batch". Raises `InputError` for regions that cannot be used.
+    refinement iteration; an exception it raises ends the run. A `crew` refines the picture in parts, if it
+    has several regions and the strategy is "batch". Raises `InputError` for pixels or regions that cannot be
+    used.
     """
+    require_photo(pixels)
     options = options or Options()
     start = time.perf_counter()
     use_workers(options.workers)
     clock = StageClock()
     height, width = pixels.shape[:2]
     picture = pixels / 255.0
-    tell = _Teller(on_progress, options.target_mse)
+    tell = _Teller(on_progress)
 
     tell.stage("regions", 0.01)
     with clock.stage("regions"):
@@ -73,7 +78,7 @@ def vectorize(
         network = fitted_network(*localized(found, picture, _reach(annotations, options)))
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
-    tell.stage("mesh", 0.1)
+    tell.stage("mesh", BEFORE_RUNS)
     with clock.stage("mesh_harmonic"):
         foundation = lay_unfolded_foundation(network, hard)
     with clock.stage("boundary"):
@@ -83,16 +88,22 @@ def vectorize(
     del picture  # large
     scene = Scene(pixels, foundation, boundary_colors, regions.names)
 
+    iterations: dict[bytes, Counter[int]] = {}
+
     def refined(target_mse: float) -> tuple[bytes, VectorImage]:
+        tell.run(target_mse, last=not options.target_bytes)
         steps = Quantization.for_error(target_mse)
         terms = Terms(target_mse, steps, options.max_points, options.effort)
         if options.strategy == "paper":
-            return refine_paper(scene, terms, tell.iteration, clock)
-        start = None
-        if crew is not None and len(foundation.network.loops) > 1:
-            with clock.stage("parts"):
-                start = refine_by(crew, scene, terms, tell.iteration)
-        return refine_batch(scene, terms, tell.iteration, clock, start)
+            found = refine_paper(scene, terms, tell.iteration, clock)
+        else:
+            start = None
+            if crew is not None and len(foundation.network.loops) > 1:
+                with clock.stage("parts"):
+                    start = refine_by(crew, scene, terms, tell.iteration)
+            found = refine_batch(scene, terms, tell.iteration, clock, start)
+        iterations[found[0]] = tell.iterations
+        return found
 
     if options.target_bytes:
         data, image = refine_to_bytes(refined, options.target_bytes)
@@ -101,7 +112,7 @@ def vectorize(
     with clock.stage("evaluation"):
         report = compare(pixels, image, len(data))
     seconds = {**clock.seconds, "total": time.perf_counter() - start}
-    patches = tuple(replace(r, iterations=tell.iterations[r.id]) for r in report.regions)
+    patches = tuple(replace(r, iterations=iterations[data][r.id]) for r in report.regions)
     report = replace(report, strategy=options.strategy, seconds=seconds, regions=patches)
     result = replace(image, warnings=(*regions.warnings, *_shortfall(report, options)), report=report)
     tell.done(report.points, report.mse)
@@ -144,12 +155,10 @@ def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
 class _Teller:
     """Progress reports whose fraction never falls; counts the iterations in which each region grew."""
 
-    def __init__(self, on_progress: OnProgress | None, target_mse: float) -> None:
+    def __init__(self, on_progress: OnProgress | None) -> None:
         self.on_progress = on_progress
-        self.target_mse = target_mse
         self.regions = 0
         self.fraction = 0.0
-        self.first_mse: float | None = None
         self.iterations: Counter[int] = Counter()
 
     def _tell(
@@ -159,6 +168,14 @@ class _Teller:
             self.on_progress(
                 Progress(phase, region, self.regions, iteration, points, worst, mse, self.fraction)
             )
+
+    def run(self, target_mse: float, last: bool) -> None:
+        """A run of refinement begins. While none is known to be the last, each gets half of what is left."""
+        self.target_mse = target_mse
+        self.first_mse: float | None = None
+        self.iterations = Counter()
+        self._before = max(self.fraction, BEFORE_RUNS)
+        self._share = (AFTER_RUNS - self._before) * (1 if last else 0.5)
 
     def stage(self, phase: str, fraction: float) -> None:
         self.fraction = max(self.fraction, fraction)
@@ -171,7 +188,7 @@ class _Teller:
         gone = np.log(self.first_mse / max(step.mse, self.target_mse)) / np.log(
             self.first_mse / self.target_mse
         )
-        self.fraction = max(self.fraction, 0.1 + 0.85 * float(np.clip(gone, 0, 1)))
+        self.fraction = max(self.fraction, self._before + self._share * float(np.clip(gone, 0, 1)))
         self._tell("refine", step.worst_region, step.iteration, step.points, step.worst_error, step.mse)
 
     def done(self, points: int, mse: float) -> None:

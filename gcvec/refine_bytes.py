@@ -54,9 +54,14 @@ def refine_to_bytes(
         if wanted == mse:
             break
         mse = wanted
+    coarsest = MSE_RANGE[1]
+    if best is None and mse != coarsest:
+        data, image = refine(coarsest)
+        size = len(data)
+        best = (data, image) if size <= target_bytes else None
     if best is None:
         raise InputError(
-            f"the picture does not fit into {target_bytes} bytes: its regions alone take {size}",
+            f"the picture does not fit into {target_bytes} bytes: its coarsest version takes {size}",
             code="bad-option",
             pointer="target_bytes",
         )

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec import raster
-from gcvec.boundary import Network
+from gcvec.boundary import Curve, Network
 from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation
 from gcvec.drawing import FLATNESS
+from gcvec.errors import InputError
 from gcvec.quantization import Quantization
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+MOST_PIXELS = 2**31
+"""A picture drawn has fewer: their numbers fit into 32 bits."""
 
 BAND = 256
 """Rows that are rounded at once: what that takes does not grow with the picture."""
@@ -61,14 +65,9 @@ class VectorImage:
         return self.network.height
 
     @property
-    def curves(self) -> tuple[Any, ...]:
+    def curves(self) -> tuple[Curve, ...]:
         """The boundary curves of the network."""
         return self.network.curves
-
-    @property
-    def patches(self) -> tuple[str, ...]:
-        """The labels of the patches, one for each."""
-        return self.labels
 
     @cached_property
     def foundation(self) -> Foundation:
@@ -98,8 +97,7 @@ class VectorImage:
         """The picture as triangles for output at `scale`.
 
         Returns vertices `(v, 2)` in pixels of the picture, triangles `(t, 3)`, colours `(k, 3)` and the
-        colour `(t, 3)` of each
-        triangle's corners; vertices on hard edges have several colours.
+        colour `(t, 3)` of each triangle's corners; vertices on hard edges have several colours.
         """
         if scale == 1:
             drawing, operator, corner_color = self.canvas.unit
@@ -111,8 +109,11 @@ class VectorImage:
     def render(self, scale: float = 1.0, raw: bool = False) -> NDArray[np.uint8]:
         """The picture `(round(height * scale), round(width * scale), 3) uint8`, sRGB.
 
-        Every pixel is the average over its square; with `raw` it is the colour at its centre.
+        Every pixel is the average over its square; with `raw` it is the colour at its centre. Raises
+        `InputError` ("bad-option") for a scale that is not above 0, or makes too large a picture.
         """
+        if not (scale > 0 and scale * scale * self.width * self.height < MOST_PIXELS):
+            raise InputError(f"cannot draw at scale {scale:g}", code="bad-option", pointer="scale")
         height, width = (max(1, round(n * scale)) for n in (self.height, self.width))
         vertices, triangles, colors, corner_color = self.gouraud(scale)
         paint = raster.sample if raw else raster.paint

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import redis
 
+from worker.fields import known_fields
 from worker.problems import Problem
 from worker.records import CHANGES
 
@@ -37,7 +38,7 @@ class Answer:
     @classmethod
     def from_json(cls, text: str) -> Answer:
         fields = json.loads(text)
-        return cls(fields["value"], fields["problem"] and Problem(**fields["problem"]))
+        return cls(fields["value"], fields["problem"] and Problem(**known_fields(Problem, fields["problem"])))
 
 
 def give(client: redis.Redis, key: str, answer: Answer) -> None:

@@ -26,6 +26,7 @@ import redis
 from redis.backoff import ExponentialBackoff, NoBackoff
 from redis.retry import Retry
 
+from worker.fields import known_fields
 from worker.problems import Problem
 
 Status = Literal["queued", "running", "succeeded", "failed", "canceled"]
@@ -35,6 +36,7 @@ ACTIVE: Final = "gcvec:active"
 EXPIRY: Final = "gcvec:expiry"
 TOTALS: Final = "gcvec:totals"
 CHANGES: Final = "gcvec:changes"
+STORED: Final = "gcvec:stored"
 
 LEASE_SECONDS: Final = 8.0
 EVENTS_KEPT: Final = 10_000
@@ -103,7 +105,8 @@ class Job:
             return None
         plain = {"owner", "status"}
         values: dict[str, Any] = {
-            name: value if name in plain else json.loads(value) for name, value in fields.items()
+            name: value if name in plain else json.loads(value)
+            for name, value in known_fields(cls, fields).items()
         }
         values["warnings"] = tuple(values["warnings"])
         return cls(id=job_id, **values)

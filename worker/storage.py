@@ -24,6 +24,8 @@ import obstore
 from obstore.exceptions import AlreadyExistsError
 from obstore.store import LocalStore, ObjectStore, S3Store, from_url
 
+from worker.fields import known_fields
+
 _OUTAGE_SECONDS: Final = 8
 """A bucket that is away for longer fails the step."""
 _REDIS_ID: Final = "redis.id"
@@ -54,7 +56,7 @@ class Manifest:
     @classmethod
     def from_json(cls, data: bytes) -> Manifest:
         fields = json.loads(data)
-        files = {name: StoredFile(**file) for name, file in fields["files"].items()}
+        files = {name: StoredFile(**known_fields(StoredFile, file)) for name, file in fields["files"].items()}
         return cls(fields["attempt"], files, tuple(fields["warnings"]), fields["totals"])
 
 
@@ -188,9 +190,10 @@ def write_derived(
 def read_derived(store: ObjectStore, job_id: str, revision: int, name: str) -> StoredFile | None:
     """A derived file, or None while it has not been made."""
     try:
-        return StoredFile(**json.loads(read(store, f"{derived_path(job_id, revision, name)}.json")))
+        fields = json.loads(read(store, f"{derived_path(job_id, revision, name)}.json"))
     except FileNotFoundError:
         return None
+    return StoredFile(**known_fields(StoredFile, fields))
 
 
 def delete_folder(store: ObjectStore, folder: str) -> None:

@@ -9,13 +9,14 @@ nothing is forgotten; it may be told twice, under the same id.
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import hashlib
 import hmac
 import json
 import socket
 from datetime import UTC, datetime
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -24,10 +25,27 @@ import httpx
 from worker.records import Job
 
 DELIVERIES: Final = "gcvec:deliveries"
-STATUSES: Final = ("running", "succeeded", "failed", "canceled")
 SECRET_PREFIX: Final = "whsec_"
 
 _SECONDS: Final = 10.0
+_EMBEDDING: Final = tuple(
+    map(
+        IPv6Network,
+        (
+            "::/96",
+            "::ffff:0:0/96",
+            "::ffff:0:0:0/96",
+            "64:ff9b::/96",
+            "64:ff9b:1::/48",
+            "2001::/32",
+            "2002::/16",
+            "fec0::/10",
+        ),
+    )
+)
+"""Addresses that lead to one of IPv4: compatible, mapped and translated ones, NAT64 (RFC 6052 and 8215),
+Teredo and 6to4; and those of sites, which there are no longer (RFC 3879)."""
+
 _SCHEMES: Final = {"https": 443, "http": 80}
 
 
@@ -93,7 +111,8 @@ def post(url: str, headers: dict[str, str], body: bytes, *, private: bool) -> in
     """Call the address; the status of the answer. Redirects and proxies are not followed.
 
     The name is resolved once, and the connection goes to the address that was checked.
-    Raises UnsafeTargetError, OSError and httpx.HTTPError.
+    Raises UnsafeTargetError, OSError (TimeoutError where the whole takes more than ten seconds) and
+    httpx.HTTPError.
     """
     check_target(url, private=private)
     parts = urlsplit(url)
@@ -103,10 +122,16 @@ def post(url: str, headers: dict[str, str], body: bytes, *, private: bool) -> in
     place = f"[{address}]:{port}" if address.version == 6 else f"{address}:{port}"
     pinned = parts._replace(netloc=place, fragment="").geturl()
     named = {**headers, "host": parts.netloc}
+    return asyncio.run(_status_of(pinned, named, body, host))
+
+
+async def _status_of(url: str, headers: dict[str, str], body: bytes, host: str) -> int:
+    """The status of the answer, which has to be there soon: a receiver may not hold us by dribbling."""
     verified = {"sni_hostname": host}  # the certificate must be the name's
-    with (
-        httpx.Client(trust_env=False, timeout=_SECONDS) as client,
-        client.stream("POST", pinned, headers=named, content=body, extensions=verified) as answer,
+    async with (
+        asyncio.timeout(_SECONDS),
+        httpx.AsyncClient(trust_env=False, timeout=_SECONDS) as client,
+        client.stream("POST", url, headers=headers, content=body, extensions=verified) as answer,
     ):
         return answer.status_code
 
@@ -122,6 +147,6 @@ def _resolve(host: str, port: int, *, private: bool) -> IPv4Address | IPv6Addres
 
 def is_public(address: IPv4Address | IPv6Address) -> bool:
     """Whether it is an address of the internet; one that embeds another is not."""
-    if isinstance(address, IPv6Address) and (address.ipv4_mapped or address.sixtofour or address.teredo):
+    if isinstance(address, IPv6Address) and any(address in network for network in _EMBEDDING):
         return False
     return address.is_global and not address.is_multicast

@@ -76,7 +76,8 @@ def _patches(image: VectorImage) -> list[dict[str, Any]]:
     domain = image.canvas.mesh.vertices[samples.domain.shape[0] :]
     patches = []
     for k, label in enumerate(image.labels):
-        loops, polygons = [], []
+        loops: list[list[dict[str, Any]]] = []
+        polygons: list[list[list[float]]] = []
         for loop in image.network.loops[k]:
             spans, polygon = [], []
             for c, forward in loop:
@@ -85,8 +86,9 @@ def _patches(image: VectorImage) -> list[dict[str, Any]]:
                     u0, u1 = samples.edge_u[edge][:: 1 if forward else -1]
                     spans.append({"curve": c, "from": float(u0), "to": float(u1)})
                     polygon.append(_rounded(samples.domain[samples.edge_ends[edge, 0 if forward else 1]]))
-            loops.append(spans)
-            polygons.append(polygon)
+            outer = _double_area(polygon) > 0
+            loops.insert(0 if outer else len(loops), spans)
+            polygons.insert(0 if outer else len(polygons), polygon)
         at = np.flatnonzero(owner == k)
         patch = {
             "id": k,
@@ -108,6 +110,13 @@ def _patches(image: VectorImage) -> list[dict[str, Any]]:
             patch["metrics"] = {"points": region.points, "iterations": region.iterations, "mse": region.mse}
         patches.append(patch)
     return patches
+
+
+def _double_area(polygon: list[list[float]]) -> float:
+    """Twice the area of a polygon with its inside to the right (y points down), negative for a hole."""
+    return sum(
+        ax * by - ay * bx for (ax, ay), (bx, by) in zip(polygon, polygon[1:] + polygon[:1], strict=True)
+    )
 
 
 def _mesh(image: VectorImage) -> dict[str, Any]:

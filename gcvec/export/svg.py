@@ -16,6 +16,7 @@ from PIL import Image
 
 from gcvec import bspline
 from gcvec.export.patch_rasters import PatchRaster, patch_rasters
+from gcvec.plain_text import plain_text
 from gcvec.vector_image import VectorImage
 
 Ints = NDArray[np.int64]
@@ -62,7 +63,7 @@ def _patch(number: int, label: str, outline: str, samples: PatchRaster) -> str:
         f'<pattern id="colors{number}" patternUnits="userSpaceOnUse"'
         f' x="{samples.x:g}" y="{samples.y:g}" {size}>'
         f'<image {size} preserveAspectRatio="none" xlink:href="{_data_url(samples.samples)}"/></pattern>\n'
-        f'<path id="patch{number}" data-label={quoteattr(label)}'
+        f'<path id="patch{number}" data-label={quoteattr(plain_text(label))}'
         f' fill="url(#colors{number})" d="{outline}"/>\n'
     )
 

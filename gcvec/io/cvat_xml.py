@@ -14,7 +14,17 @@ from defusedxml import DefusedXmlException
 
 from gcvec.annotations import Annotations, Shape
 from gcvec.errors import InputError
-from gcvec.io.geometry import Ring, broken, counts_from, ellipse, finite, rectangle, ring_from, rotated
+from gcvec.io.geometry import (
+    Ring,
+    broken,
+    counts_from,
+    ellipse,
+    ellipse_vertices,
+    finite,
+    rectangle,
+    ring_from,
+    rotated,
+)
 from gcvec.io.limits import DEFAULT_LIMITS, Account, Limits
 from gcvec.io.rle import row_major_mask
 from gcvec.io.selection import select_image
@@ -149,7 +159,7 @@ def _shape(element: _Element, account: Account) -> Shape:
     if element.tag == "polygon":
         ring = _polygon(attributes, pointer, account)
     else:
-        ring = _box(attributes, pointer) if element.tag == "box" else _ellipse(attributes, pointer)
+        ring = (_box if element.tag == "box" else _ellipse)(attributes, pointer, account)
     return Shape(label, rings=(ring,), z_order=z_order, pointer=pointer)
 
 
@@ -163,14 +173,16 @@ def _polygon(attributes: Mapping[str, str], pointer: str, account: Account) -> R
     return ring_from([value for pair in pairs for value in pair], pointer)
 
 
-def _box(attributes: Mapping[str, str], pointer: str) -> Ring:
+def _box(attributes: Mapping[str, str], pointer: str, account: Account) -> Ring:
+    account.add_vertices(4, pointer)
     left, top, right, bottom = (_number(attributes, key, pointer) for key in ("xtl", "ytl", "xbr", "ybr"))
     turn = _number(attributes, "rotation", pointer, default="0")
     return rotated(rectangle(left, top, right, bottom), turn, (left + right) / 2, (top + bottom) / 2)
 
 
-def _ellipse(attributes: Mapping[str, str], pointer: str) -> Ring:
+def _ellipse(attributes: Mapping[str, str], pointer: str, account: Account) -> Ring:
     cx, cy, rx, ry = (_number(attributes, key, pointer) for key in ("cx", "cy", "rx", "ry"))
+    account.add_vertices(ellipse_vertices(rx, ry), pointer)
     turn = _number(attributes, "rotation", pointer, default="0")
     return rotated(ellipse(cx, cy, rx, ry), turn, cx, cy)
 

@@ -56,11 +56,15 @@ def rectangle(left: float, top: float, right: float, bottom: float) -> Ring:
     return np.array([[left, top], [right, top], [right, bottom], [left, bottom]], dtype=np.float64)
 
 
+def ellipse_vertices(rx: float, ry: float) -> int:
+    """Vertices of a polygon that stays within 1/100 px of an ellipse with these radii."""
+    radius = max(abs(rx), abs(ry), 0.02)
+    return max(math.ceil(math.pi / math.acos(1 - 0.01 / radius)), 16)
+
+
 def ellipse(cx: float, cy: float, rx: float, ry: float) -> Ring:
     """An ellipse as a polygon that stays within 1/100 px of it."""
-    radius = max(abs(rx), abs(ry), 0.02)
-    count = math.ceil(math.pi / math.acos(1 - 0.01 / radius))
-    angle = np.linspace(0, 2 * math.pi, max(count, 16), endpoint=False)
+    angle = np.linspace(0, 2 * math.pi, ellipse_vertices(rx, ry), endpoint=False)
     return np.column_stack([cx + rx * np.cos(angle), cy + ry * np.sin(angle)])
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -13,11 +12,10 @@ from gcvec.io.limits import DEFAULT_LIMITS, Limits
 from gcvec.io.long_outlines import checked, to_be_masked
 from gcvec.io.outlines import Outline, outlines
 from gcvec.io.rle import runs_of
+from gcvec.plain_text import plain_text
 
 if TYPE_CHECKING:
     from gcvec.partition import Partition
-
-_NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def write_cvat_xml(partition: Partition, image_name: str, limits: Limits = DEFAULT_LIMITS) -> bytes:
@@ -32,12 +30,12 @@ def write_cvat_xml(partition: Partition, image_name: str, limits: Limits = DEFAU
     document = ElementTree.Element("annotations")
     ElementTree.SubElement(document, "version").text = "1.1"
     size = {"width": str(width), "height": str(height)}
-    image = ElementTree.SubElement(document, "image", {"id": "0", "name": _text(image_name), **size})
+    image = ElementTree.SubElement(document, "image", {"id": "0", "name": plain_text(image_name), **size})
     found = outlines(partition.labels)
     masked = to_be_masked(found, limits)
     for region, (name, outline) in enumerate(zip(partition.names, found, strict=True)):
         place = _mask(partition.labels, region, outline) if masked[region] else _polygon(outline)
-        about = {"label": _text(name), "source": "auto", "occluded": "0"}
+        about = {"label": plain_text(name), "source": "auto", "occluded": "0"}
         tag = "mask" if masked[region] else "polygon"
         ElementTree.SubElement(image, tag, {**about, **place, "z_order": str(outline.depth)})
     ElementTree.indent(document)
@@ -55,8 +53,3 @@ def _mask(labels: NDArray[np.int32], region: int, outline: Outline) -> dict[str,
     runs = runs_of((labels[top:bottom, left:right] == region).ravel())
     box = {"left": left, "top": top, "width": right - left, "height": bottom - top}
     return {"rle": ", ".join(map(str, runs)), **{name: str(value) for name, value in box.items()}}
-
-
-def _text(text: str) -> str:
-    """The text without the characters no XML document can hold."""
-    return _NOT_XML.sub("\ufffd", text)

@@ -67,7 +67,7 @@ def _serve(name: str, kind: Kind, dependency: Any, prefix: str) -> None:
             206: {"description": "The part asked for", "content": {kind.media_type: {}}},
             304: {"description": "The client has it"},
             307: {"description": "It is to be had from the store directly"},
-            **documented(401, 403, 404, 409, 410, 416, 422, 429, 500, 503),
+            **documented(401, 403, 404, 409, 410, 413, 416, 422, 429, 500, 503),
         },
     )
 

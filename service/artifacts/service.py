@@ -10,6 +10,7 @@ from fastapi import Depends, Path
 
 from service.deps import JobDep, Services, ServicesDep
 from service.errors import ProblemError
+from service.quota import require_room
 from worker import storage
 from worker.app import EXPORT
 from worker.records import Job
@@ -66,6 +67,7 @@ async def derived_file(services: Services, result: Result, name: str, kind: str,
     place = (services.store, result.job.id, result.revision, name)
     if (file := await to_thread.run_sync(storage.read_derived, *place)) is not None:
         return file
+    await require_room(services, result.job.owner)
     key = f"{result.job.id}/{result.revision}/{name}"
     args = [result.job.id, result.revision, kind, scale, name]
     await services.questions.ask(key, EXPORT, args, _EXPORT_SECONDS)

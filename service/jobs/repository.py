@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import math
 from collections import defaultdict
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
@@ -21,6 +22,7 @@ from worker.orphans import FOREIGN_STORE
 from worker.records import (
     ACTIVE,
     CHANGES,
+    STORED,
     TOTALS,
     Call,
     Job,
@@ -87,6 +89,10 @@ class JobRepository:
         """The owner and the job; (owner, None) of a job that is gone, (None, None) of one that never was."""
         fields: Mapping[str, str] = await self._client.hgetall(record_key(job_id))
         return fields.get("owner"), Job.from_fields(job_id, fields)
+
+    async def stored(self, owner: str) -> int:
+        """Bytes that the owner's files come to."""
+        return int(await self._client.hget(STORED, owner) or 0)
 
     async def events(self, job_id: str, after: int) -> list[Event]:
         """The events numbered above `after`, in order."""
@@ -201,4 +207,6 @@ def cursor(job: Job) -> str:
 def position(text: str) -> tuple[float, str]:
     """The position that a cursor stands for. Raises ValueError."""
     created_at, job_id = json.loads(bytes.fromhex(text))
+    if not math.isfinite(created_at):
+        raise ValueError("a time that is none")
     return float(created_at), str(job_id)

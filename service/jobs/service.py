@@ -22,6 +22,7 @@ from service.errors import ProblemError, unavailable
 from service.jobs.repository import Event
 from service.jobs.schemas import JobView
 from service.jobs.uploads import Upload, check, request_of
+from service.quota import no_room
 from worker import logs, storage
 from worker.app import VECTORIZE
 from worker.records import TOO_MANY_BYTES, TOO_MANY_JOBS, Job, create, discard, finish, retire
@@ -83,8 +84,7 @@ async def _record(services: Services, job: Job) -> None:
         detail = f"this key has {settings.max_unfinished_jobs} unfinished jobs, as many as it may"
         raise ProblemError("too-many-jobs", detail, headers={"Retry-After": "10"})
     if outcome == TOO_MANY_BYTES:
-        detail = f"this key may store {settings.max_stored_bytes / 1e6:g} MB: delete jobs or let them expire"
-        raise ProblemError("quota-exceeded", detail, headers={"Retry-After": "3600"})
+        raise no_room(settings)
 
 
 def _enqueue(services: Services, job_id: str) -> None:

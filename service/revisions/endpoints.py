@@ -11,6 +11,7 @@ from service.artifacts.service import RevisedDep, find_result
 from service.deps import JobDep, OwnerDep, Services, ServicesDep
 from service.errors import ProblemError, documented
 from service.idempotency import IdempotencyKey
+from service.quota import require_room
 from service.revisions.schemas import Edits, RevisionView
 from worker.app import EDIT
 from worker.records import Job
@@ -54,6 +55,7 @@ async def get_revision(result: RevisedDep) -> RevisionView:
 async def _edit(services: Services, job: Job, edits: Edits) -> int:
     """The number of the new revision."""
     await find_result(services, job, edits.revision)
+    await require_room(services, job.owner)
     changes = edits.model_dump(exclude={"revision"})
     args = [job.id, edits.revision, changes]
     answer = await services.questions.ask(uuid.uuid4().hex, EDIT, args, _EDIT_SECONDS)

@@ -30,7 +30,7 @@ def assert_sound(image: VectorImage, pixels: np.ndarray) -> None:
     assert report.mae == pytest.approx(np.abs(rendered.astype(float) - pixels).mean(), abs=0.05)
     assert report.bytes == len(image.to_bytes())
     assert report.points == len(image.points) == sum(region.points for region in report.regions)
-    assert report.patches == len(image.patches) == len(report.regions)
+    assert report.patches == len(image.labels) == len(report.regions)
     assert report.foldovers == 0
     assert all((region.iterations > 0) >= (region.points > 0) for region in report.regions)
     again = compare(pixels, VectorImage.from_bytes(image.to_bytes()), report.bytes)
@@ -49,7 +49,7 @@ def test_made_scenes_reach_their_error(scene: str) -> None:
 def test_smooth_regions_need_few_points() -> None:
     """Four linear gradients: straight hard borders and linear colours hold all of it."""
     image = vectorized("quadrants")
-    assert len(image.patches) == 4
+    assert len(image.labels) == 4
     assert len(image.points) < 100
 
 
@@ -72,7 +72,7 @@ def test_region_of_three_pixels_joins_its_neighbour_with_a_warning() -> None:
     )
     image = vectorize(pixels, annotations)
     assert_sound(image, pixels)
-    assert "tiny" not in image.patches
+    assert "tiny" not in image.labels
     assert image.warnings
 
 
@@ -82,7 +82,7 @@ def test_three_hundred_regions() -> None:
     pixels = made.picture()
     image = vectorize(pixels, made.annotations())
     assert_sound(image, pixels)
-    assert len(image.patches) > 250
+    assert len(image.labels) > 250
 
 
 def test_flat_picture_needs_no_points() -> None:
@@ -141,7 +141,7 @@ def test_progress_tells_every_iteration_and_never_falls() -> None:
     errors = [p.mse for p in rounds if p.mse is not None]
     assert errors[-1] < errors[0]
     assert told[-1].points == len(image.points)
-    assert all(p.regions == len(image.patches) for p in rounds)
+    assert all(p.regions == len(image.labels) for p in rounds)
 
 
 class CancelledError(Exception):

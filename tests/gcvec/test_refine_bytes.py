@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from skimage import data
 
-from gcvec import InputError, Options, vectorize
-from gcvec.refine_bytes import CLOSE, MOST_RUNS, refine_to_bytes
+from gcvec import InputError, Options, Progress, vectorize
+from gcvec.refine_bytes import CLOSE, MOST_RUNS, MSE_RANGE, refine_to_bytes
 
 
 class Refinement:
@@ -34,9 +34,22 @@ def test_the_file_is_as_large_as_it_may_be(power: float, regions: int, target: i
 
 
 def test_a_size_below_that_of_the_regions_is_refused() -> None:
-    with pytest.raises(InputError, match="regions alone take 9") as refusal:
+    with pytest.raises(InputError, match="coarsest version takes 9") as refusal:
         refine_to_bytes(Refinement(-0.8, 900), 500)
     assert refusal.value.pointer == "target_bytes"
+
+
+def test_the_coarsest_version_is_tried_before_giving_up() -> None:
+    """A size that jumps: the secant method alone would not come to the error that is large enough."""
+    runs: list[float] = []
+
+    def refine(mse: float) -> tuple[bytes, Any]:
+        runs.append(mse)
+        return bytes(400 if mse >= MSE_RANGE[1] else 5_000 + int(100 / mse)), mse
+
+    data, mse = refine_to_bytes(refine, 4_999)
+    assert (len(data), mse) == (400, MSE_RANGE[1])
+    assert len(runs) <= MOST_RUNS + 1
 
 
 def test_a_picture_is_made_to_fit() -> None:
@@ -48,3 +61,20 @@ def test_a_picture_is_made_to_fit() -> None:
     assert fitted.report.bytes == len(fitted.to_bytes())
     assert fitted.report.mse > free.report.mse
     assert fitted.warnings == ()
+
+
+def test_several_runs_are_told_as_one() -> None:
+    """The share of the work done goes on rising, and iterations are those of the run whose file it is."""
+    pixels = data.chelsea()[80:160, 120:220]
+    told: list[Progress] = []
+    fitted = vectorize(pixels, None, Options(target_bytes=1500), told.append)
+    assert fitted.report is not None
+    rounds = [p for p in told if p.phase == "refine"]
+    begins = [i for i, p in enumerate(rounds) if p.iteration == 1]
+    assert len(begins) > 1
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    assert all(rounds[i].fraction < 0.95 for i in begins)
+    assert rounds[begins[1] - 1].fraction == pytest.approx(0.525, abs=0.03)
+    longest = max(b - a for a, b in zip(begins, [*begins[1:], len(rounds)], strict=True))
+    assert max(region.iterations for region in fitted.report.regions) <= longest

@@ -100,7 +100,7 @@ def test_jobs_are_listed_newest_first_page_by_page(api: httpx.Client, jobs: Jobs
         seen += [job["id"] for job in page["jobs"]]
         link = page["next"]
     assert seen == ids[::-1]
-    for cursor in ("x", "00", "5b5d", "7b7d", "5b312c327d"):
+    for cursor in ("x", "00", "5b5d", "7b7d", "5b312c327d", b'[NaN,"x"]'.hex(), b'[1e999,"x"]'.hex()):
         assert api.get(f"/v1/jobs?cursor={cursor}").status_code == 422
 
 

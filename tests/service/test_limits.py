@@ -66,6 +66,20 @@ def test_what_a_key_stores_is_bounded(settings: Settings, tmp_path: Path) -> Non
         assert client.post("/v1/jobs", files=IMAGE, headers=key(ALICE)).status_code == 202
 
 
+def test_who_stores_as_much_as_allowed_has_nothing_more_made(settings: Settings) -> None:
+    full = Settings(**{**settings.model_dump(), "max_stored_bytes": len(png())})
+    with serving(full) as client:
+        job = f"/v1/jobs/{Jobs(client, full).finished()}"
+        for made in (client.get(f"{job}/result.svg"), client.get(f"{job}/preview.png?scale=2")):
+            refused(made, 413, "quota-exceeded")
+        refused(
+            client.post(f"{job}/edits", json={"recolors": [{"patch": 0, "color": "#102030"}]}),
+            413,
+            "quota-exceeded",
+        )
+        assert client.get(f"{job}/preview.png").status_code == 200
+
+
 def test_stored_bytes_are_counted_up_and_down(api: httpx.Client, jobs: Jobs, settings: Settings) -> None:
     size = len(png())
     canceled, failed, done = jobs.submit(), jobs.submit(), jobs.submit()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import time
 import uuid
 
@@ -8,6 +9,7 @@ import redis
 
 from tests.conftest import client_of
 from worker.problems import problem
+from worker.questions import Answer
 from worker.records import (
     ACTIVE,
     EXPIRY,
@@ -23,6 +25,7 @@ from worker.records import (
     requeue,
     retire,
 )
+from worker.storage import Manifest, StoredFile
 
 
 @pytest.fixture
@@ -52,6 +55,18 @@ def job(client: redis.Redis) -> Job:
 
 def test_a_record_is_read_as_it_was_written(records: JobRecords, job: Job) -> None:
     assert records.get(job.id) == job
+
+
+def test_what_a_newer_version_adds_is_passed_over(records: JobRecords, client: redis.Redis, job: Job) -> None:
+    client.hset(record_key(job.id), "mood", "not even JSON")
+    assert records.get(job.id) == job
+    file = {"path": "a", "size": 1, "sha256": "b"}
+    manifest = {"attempt": 1, "files": {"gcv": {**file, "color": 1}}, "warnings": [], "totals": {}, "more": 2}
+    assert Manifest.from_json(json.dumps(manifest).encode()).files == {"gcv": StoredFile(**file)}
+    trouble = {**problem("gone", "away").as_dict(), "advice": "none"}
+    assert Answer.from_json(json.dumps({"value": None, "problem": trouble})).problem == problem(
+        "gone", "away"
+    )
 
 
 def test_an_unknown_job_cannot_be_claimed(records: JobRecords, client: redis.Redis) -> None:

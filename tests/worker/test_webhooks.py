@@ -7,8 +7,10 @@ import hashlib
 import hmac
 import json
 import socket
+import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from socketserver import BaseRequestHandler, TCPServer
 from typing import Any
 
 import pytest
@@ -105,6 +107,12 @@ def test_a_message_names_the_job_and_why_it_failed() -> None:
         "https://[fd00::1]/",
         "https://[::ffff:127.0.0.1]/",
         "https://[2002:7f00:1::]/",
+        "https://[::7f00:1]/",
+        "https://[::ffff:0:7f00:1]/",
+        "https://[64:ff9b::a9fe:a9fe]/",
+        "https://[64:ff9b:1::a9fe:a9fe]/",
+        "https://[2001:0:7f00:1::]/",
+        "https://[fec0::1]/",
     ],
 )
 def test_unsafe_addresses_are_refused_at_sight(url: str) -> None:
@@ -113,7 +121,13 @@ def test_unsafe_addresses_are_refused_at_sight(url: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "url", ["https://example.com/hook?x=1", "https://93.184.216.34:8443/", "HTTPS://a.b/"]
+    "url",
+    [
+        "https://example.com/hook?x=1",
+        "https://93.184.216.34:8443/",
+        "https://[2606:2800:220:1::1]/",
+        "HTTPS://a.b/",
+    ],
 )
 def test_public_addresses_are_accepted(url: str) -> None:
     check_target(url, private=False)
@@ -154,3 +168,27 @@ def test_redirects_are_not_followed(receiver: Receiver) -> None:
     receiver.status = 307
     assert post(receiver.url, {}, b"{}", private=True) == 307
     assert len(receiver.calls) == 1
+
+
+def test_a_receiver_that_dribbles_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every byte comes soon after the last, but the answer never does."""
+    monkeypatch.setattr("worker.webhooks._SECONDS", 0.4)
+    left = threading.Event()
+
+    class Dribble(BaseRequestHandler):
+        def handle(self) -> None:
+            try:
+                self.request.sendall(b"HTTP/1.1 200 OK\r\nX: ")
+                while not left.wait(0.05):
+                    self.request.sendall(b"x")
+            except OSError:
+                left.set()
+
+    server = TCPServer(("127.0.0.1", 0), Dribble)
+    with in_background(server):
+        try:
+            with pytest.raises(TimeoutError):
+                post(f"http://127.0.0.1:{server.server_address[1]}/", {}, b"{}", private=True)
+            assert left.wait(10), "the connection is closed"
+        finally:
+            left.set()

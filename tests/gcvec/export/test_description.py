@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gcvec import VectorImage
+from gcvec import VectorImage, vectorize
+from tests.gcvec.scenes import Scene
+from tests.gcvec.test_mesh import shoelace
 
 ROOT = Path(__file__).parents[3]
 SCRIPT = ROOT / "examples" / "draw_from_json.py"
@@ -29,6 +31,23 @@ def test_schema(image: VectorImage, schema: dict) -> None:
     assert [error.message for error in validator.iter_errors(result)] == []
     result["patches"][0]["loops"] = None
     assert list(validator.iter_errors(result))
+
+
+def test_the_outer_border_comes_first() -> None:
+    """A disc in two halves has no border of its own: its surroundings' inner border is open curves."""
+
+    def halves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(np.hypot(x - 36, y - 30) < 20, 1 + (x > 33), 0)
+
+    scene = Scene(60, 70, halves)
+    image = vectorize(scene.picture(), scene.annotations())
+    for patch in image.description()["patches"]:
+        turned = [shoelace(np.array(polygon)) for polygon in patch["domain"]]
+        assert turned[0] > 0
+        assert all(area < 0 for area in turned[1:])
+        for loop, polygon in zip(patch["loops"], patch["domain"], strict=True):
+            assert len(loop) == len(polygon)
+    assert max(len(patch["loops"]) for patch in image.description()["patches"]) == 2
 
 
 @pytest.mark.parametrize("scale", ["1", "2"])

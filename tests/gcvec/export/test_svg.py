@@ -1,6 +1,7 @@
 """SVG as resvg and Chromium draw it, and as an editor reads it."""
 
 import re
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -42,6 +43,13 @@ def test_one_path_a_patch_with_its_label(image: VectorImage) -> None:
     assert {path.get("fill") for path in paths} == {f"url(#{name})" for name in patterns}
     assert root.find(f"{SVG}title").text
     assert "sampled" in root.find(f"{SVG}desc").text
+
+
+def test_labels_may_be_anything(image: VectorImage) -> None:
+    named = replace(image, labels=("a\x01b", *image.labels[1:-1], "\ud800"))
+    root = ElementTree.fromstring(svg(named))
+    labels = [path.get("data-label") for path in root.findall(f".//{SVG}path")]
+    assert (labels[0], labels[-1]) == ("a\ufffdb", "\ufffd")
 
 
 def test_outlines_are_the_curves(image: VectorImage) -> None:

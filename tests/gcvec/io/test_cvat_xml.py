@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 from xml.sax.saxutils import quoteattr
 
@@ -200,6 +201,8 @@ def test_an_unusable_encoding_is_refused(encoding: str) -> None:
 
 
 TRIANGLE = '<polygon label="t" points="0,0;9,0;9,9"/>'
+DISC = '<ellipse label="e" cx="9" cy="9" rx="4" ry="3"/>'
+BOX = '<box label="b" xtl="1" ytl="1" xbr="9" ybr="9"/>'
 MASK = '<mask label="m" left="0" top="0" width="4" height="4" rle="0, 16"/>'
 
 
@@ -209,6 +212,8 @@ MASK = '<mask label="m" left="0" top="0" width="4" height="4" rle="0, 16"/>'
         ({"max_polygons": 2}, (TRIANGLE,), 2),
         ({"max_vertices_per_polygon": 2}, (TRIANGLE,), 0),
         ({"max_vertices": 9}, (TRIANGLE,), 3),
+        ({"max_vertices": 100}, (DISC,), 2),
+        ({"max_vertices": 12}, (BOX,), 3),
         ({"mask_pixels": 32}, (MASK,), 2),
     ],
 )
@@ -219,6 +224,16 @@ def test_limits_are_exact(limits: dict[str, int], elements: tuple[str], fits: in
         read_cvat_xml(document(*elements * (fits + 1)), limits=bound)
     assert error.value.code == "annotations-too-large"
     assert error.value.pointer is not None
+
+
+def test_a_huge_ellipse_is_refused_before_it_is_made() -> None:
+    tracemalloc.start()
+    try:
+        element = '<ellipse label="e" cx="0" cy="0" rx="9999999" ry="9999999"/>'
+        assert refusal(document(element)).code == "annotations-too-large"
+        assert tracemalloc.get_traced_memory()[1] < 2**19
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_huge_mask_is_refused_before_it_is_made() -> None:

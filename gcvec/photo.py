@@ -1,0 +1,23 @@
+"""What counts as a photo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gcvec.errors import InputError
+
+
+def require_photo(pixels: Any) -> None:
+    """Raise `InputError` ("bad-picture") for anything but an array `(h, w, 3) uint8` with pixels in it.
+
+    Kernels trust in the shape, so this comes first wherever pixels come in.
+    """
+    if not isinstance(pixels, np.ndarray):
+        raise InputError(
+            f"pixels must be an array (h, w, 3) of uint8, not {type(pixels).__name__}", code="bad-picture"
+        )
+    if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8 or not pixels.size:
+        told = f"{pixels.shape} of {pixels.dtype}"
+        raise InputError(f"pixels must be an array (h, w, 3) of uint8, not {told}", code="bad-picture")
