@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+SOLVERS = {"numba", "scipy", "skimage"}
+SLOW_TO_LOAD = SOLVERS | {"numpy", "fastapi", "celery", "pydantic", "typer", "rich"}
 FORBIDDEN = {"gcvec": {"worker", "service"}, "worker": {"service"}}
 
 
@@ -29,8 +31,11 @@ def test_imports_point_one_way(package: str) -> None:
 @pytest.mark.parametrize(
     ("module", "absent"),
     [
-        ("service.app", {"numba", "scipy", "skimage"}),
-        ("gcvec.cli._app", {"numpy", "numba", "scipy", "fastapi", "celery"}),
+        ("service.app", SOLVERS),
+        ("gcvec.cli._app", SLOW_TO_LOAD),
+        ("gcvec.cli.vectorize", SLOW_TO_LOAD),
+        ("service.cli.serve", SOLVERS),
+        ("service.cli.submit", SOLVERS),
     ],
 )
 def test_stays_light(module: str, absent: set[str]) -> None:

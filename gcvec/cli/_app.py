@@ -6,12 +6,12 @@ import os
 import pkgutil
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
-from typing import Annotated, Any, cast
+from typing import Any, cast
 
-import typer
-from typer.core import TyperGroup
+import click
+from click.exceptions import NoArgsIsHelpError
 
 import gcvec.cli
 from gcvec.errors import InputError
@@ -20,84 +20,88 @@ FAILURE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 
 def engine_commands() -> list[str]:
-    """Names of the commands of this package: command `x` is the function `x` of `gcvec/cli/x.py`."""
+    """Names of the commands of this package: command `x` is the object `x` of `gcvec/cli/x.py`."""
     return [m.name for m in pkgutil.iter_modules(gcvec.cli.__path__) if not m.name.startswith("_")]
 
 
-class Commands(TyperGroup):
+class Commands(click.Group):
     """The commands of this package and those that other packages add under the entry point "gcvec.commands".
 
     A command's module is imported when the command is run or listed, so that drawing a picture never
     loads a web framework.
     """
 
-    def list_commands(self, ctx: Any) -> list[str]:
+    def list_commands(self, ctx: click.Context) -> list[str]:
         from importlib.metadata import entry_points
 
         added = sorted(entry_points(group="gcvec.commands").names - set(engine_commands()))
         return engine_commands() + added
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in engine_commands():
-            function = getattr(import_module(f"gcvec.cli.{cmd_name}"), cmd_name)
-        elif (added := _added_command(cmd_name)) is not None:
-            function = added
-        else:
-            return None
-        app = typer.Typer(add_completion=False)
-        app.command(cmd_name)(function)
-        return typer.main.get_command(app)
+            return cast("click.Command", getattr(import_module(f"gcvec.cli.{cmd_name}"), cmd_name))
+        return _added_command(cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands, each with the first paragraph of its help: click would cut it to one line."""
+        commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        rows = [(name, _summary(command)) for name, command in commands.items() if command]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command. Raises click.Abort on Ctrl-C, before click prints an empty line for it."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise click.Abort from None
 
 
-def _added_command(name: str) -> Callable[..., Any] | None:
+def _summary(command: click.Command) -> str:
+    return " ".join((command.help or "").partition("\n\n")[0].split())
+
+
+def _added_command(name: str) -> click.Command | None:
     from importlib.metadata import entry_points
 
     for found in entry_points(group="gcvec.commands", name=name):
         try:
-            return cast("Callable[..., Any]", found.load())
+            return cast("click.Command", found.load())
         except ModuleNotFoundError as missing:
             return _needs(name, missing.name or "?")
     return None
 
 
-def _needs(command: str, module: str) -> Callable[[], None]:
+def _needs(command: str, module: str) -> click.Command:
+    """What stands in for a command that cannot be loaded: it says what is missing."""
+
     def missing() -> None:
         raise InputError(
             f"{command} needs {module}, which is not installed: pip install 'gcvec[service]'",
             code="not-installed",
         )
 
-    missing.__doc__ = "Not installed: pip install 'gcvec\\[service]'."
-    return missing
+    return click.Command(command, callback=missing, help="Not installed: pip install 'gcvec[service]'.")
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version
-
-        print(f"gcvec {version('gcvec')}")
-        raise typer.Exit
-
-
-def _root(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
+@click.group(cls=Commands, context_settings={"show_default": True})
+@click.version_option(package_name="gcvec", message="%(prog)s %(version)s", help="Print the version.")
+def root() -> None:
     """Photos into compact, editable, resolution-free vector images made of generalized Coons patches."""
 
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code: 0, 1 for a failure, 2 for bad input, 130 for Ctrl-C."""
-    app = typer.Typer(cls=Commands, no_args_is_help=True)
-    app.callback()(_root)
     try:
-        return app(list(arguments), prog_name="gcvec", standalone_mode=False) or 0
+        return root.main(arguments, prog_name="gcvec", standalone_mode=False) or 0
     except InputError as error:
         return _complain(f"{error} ({error.pointer})" if error.pointer else str(error), BAD_INPUT)
-    except typer.TyperException as error:
+    except NoArgsIsHelpError as error:
+        print(error.message)
+        return BAD_INPUT
+    except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
-    except (KeyboardInterrupt, typer.Abort):
+    except (KeyboardInterrupt, click.Abort):
         return INTERRUPTED
     except OSError as error:
         return _complain(": ".join(filter(None, (_filename(error), error.strerror or str(error)))), FAILURE)
@@ -125,6 +129,5 @@ def _filename(error: OSError) -> str:
 
 
 def _complain(message: str, code: int) -> int:
-    if message:  # typer has none when it has shown the help instead
-        print(f"gcvec: {' '.join(message.split())}", file=sys.stderr)
+    print(f"gcvec: {' '.join(message.split())}", file=sys.stderr)
     return code

@@ -1,31 +1,87 @@
-"""Options that every command takes which has a picture vectorized, here or by a service."""
+"""What several commands take, declared once: kinds of files, the picture, options."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
-from typer import Option
+import click
 
-WHITE = "#ffffff"
+from gcvec.options import Options
 
-Regions = Annotated[
-    int, Option(metavar="N", help="How many automatic regions; 0: as many as pay for themselves.")
-]
-Snap = Annotated[
-    float, Option(metavar="PX", help="How far annotated borders may move onto edges; 0: kept as drawn.")
-]
-Strategy = Annotated[Literal["batch", "paper"], Option(help="How interior control points are placed.")]
-TargetMse = Annotated[
-    float, Option(help="Mean squared error of the picture (0-255 scale) at which refinement stops.")
-]
-Matte = Annotated[
-    str, Option(metavar="#RRGGBB", envvar="GCVEC_MATTE", help="What transparent pixels are laid over.")
-]
-MaxPoints = Annotated[int, Option(help="Most interior control points of one region; 0: no limit.")]
-Effort = Annotated[
-    int, Option(metavar="1..9", help="Time to spend on fewer control points; batch strategy only.")
-]
-TargetBytes = Annotated[
-    int,
-    Option(metavar="N", help="Largest file; the error is as small as it allows. 0: --target-mse decides."),
-]
+Function = Callable[..., Any]
+
+EXISTING_FILE = click.Path(exists=True, dir_okay=False, readable=True, path_type=Path)
+NEW_FILE = click.Path(path_type=Path)
+
+picture_argument = click.argument(
+    "image", type=EXISTING_FILE, metavar="image", help="A PNG, JPEG, WebP or TIFF picture."
+)
+matte_option = click.option(
+    "--matte",
+    default="#ffffff",
+    metavar="#RRGGBB",
+    envvar="GCVEC_MATTE",
+    show_envvar=True,
+    help="What transparent pixels are laid over.",
+)
+
+_VECTORIZATION = (
+    click.option(
+        "--regions",
+        type=int,
+        default=Options.regions,
+        metavar="N",
+        help="How many automatic regions; 0: as many as pay for themselves.",
+    ),
+    click.option(
+        "--snap",
+        type=float,
+        default=Options.snap,
+        metavar="PX",
+        help="How far annotated borders may move onto edges; 0: kept as drawn.",
+    ),
+    click.option(
+        "--effort",
+        type=int,
+        default=Options.effort,
+        metavar="1..9",
+        help="Time to spend on fewer control points; batch strategy only.",
+    ),
+    click.option(
+        "--target-bytes",
+        type=int,
+        default=Options.target_bytes,
+        metavar="N",
+        help="Largest file; the error is as small as it allows. 0: --target-mse decides.",
+    ),
+    click.option(
+        "--strategy",
+        type=click.Choice(("batch", "paper")),
+        default=Options.strategy,
+        help="How interior control points are placed.",
+    ),
+    click.option(
+        "--target-mse",
+        type=float,
+        default=Options.target_mse,
+        help="Mean squared error of the picture (0-255 scale) at which refinement stops.",
+    ),
+    click.option(
+        "--max-points",
+        type=int,
+        default=Options.max_points,
+        help="Most interior control points of one region; 0: no limit.",
+    ),
+)
+
+
+def vectorization_options(command: Function) -> Function:
+    """The command with the options added that have a picture vectorized, here or by a service.
+
+    It gets each under the name that it has in `Options`, which also checks their ranges.
+    """
+    for option in reversed(_VECTORIZATION):
+        command = option(command)
+    return command

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
 
-from typer import Argument, Option
+import click
 
 from gcvec.cli._files import about, load_picture, load_vector_image
-from gcvec.cli._options import WHITE, Matte
+from gcvec.cli._options import EXISTING_FILE, matte_option
 
 MEASURES = ("mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes", "foldovers")
 
 
-def compare(
-    image: Annotated[Path, Argument(exists=True, dir_okay=False, readable=True, help="The photo.")],
-    vector_image: Annotated[
-        Path, Argument(metavar="OUT.gcv", exists=True, dir_okay=False, readable=True, help="A vector image.")
-    ],
-    as_json: Annotated[bool, Option("--json", help="Print JSON.")] = False,
-    matte: Matte = WHITE,
-) -> None:
+@click.command()
+@click.argument("image", type=EXISTING_FILE, metavar="image", help="The photo.")
+@click.argument("vector_image", type=EXISTING_FILE, metavar="OUT.gcv", help="A vector image.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@matte_option
+def compare(image: Path, vector_image: Path, as_json: bool, matte: str) -> None:
     """Measure a vector image against its photo."""
     from gcvec.metrics import compare
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from typer import Argument, BadParameter, Option
+import click
 
 from gcvec.cli._files import about, load_vector_image, require_folder, warn, write
+from gcvec.cli._options import EXISTING_FILE, NEW_FILE
 
 if TYPE_CHECKING:
     from gcvec.edit import Move, Recolor
@@ -18,32 +19,30 @@ MOVE = re.compile(rf"(\d+):(\d+):({NUMBER}),({NUMBER})")
 RECOLOR = re.compile(r"(\d+):#([0-9a-fA-F]{6})")
 
 
-def edit(
-    vector_image: Annotated[
-        Path, Argument(metavar="IN.gcv", exists=True, dir_okay=False, readable=True, help="A vector image.")
-    ],
-    output: Annotated[Path, Option("-o", "--output", metavar="OUT.gcv", help="Where the result goes.")],
-    move: Annotated[
-        list[str] | None,
-        Option(
-            metavar="CURVE:INDEX:DX,DY",
-            help="Shift a control point of a curve by pixels; neighbours follow. Can be given repeatedly.",
-        ),
-    ] = None,
-    recolor: Annotated[
-        list[str] | None,
-        Option(
-            metavar="PATCH:#rrggbb",
-            help="Give a patch this mean colour; its shading stays. Can be given repeatedly.",
-        ),
-    ] = None,
-) -> None:
+@click.command()
+@click.argument("vector_image", type=EXISTING_FILE, metavar="IN.gcv", help="A vector image.")
+@click.option(
+    "-o", "--output", required=True, type=NEW_FILE, metavar="OUT.gcv", help="Where the result goes."
+)
+@click.option(
+    "--move",
+    multiple=True,
+    metavar="CURVE:INDEX:DX,DY",
+    help="Shift a control point of a curve by pixels; neighbours follow. Can be given repeatedly.",
+)
+@click.option(
+    "--recolor",
+    multiple=True,
+    metavar="PATCH:#rrggbb",
+    help="Give a patch this mean colour; its shading stays. Can be given repeatedly.",
+)
+def edit(vector_image: Path, output: Path, move: tuple[str, ...], recolor: tuple[str, ...]) -> None:
     """Move control points of boundary curves and recolour patches. Nothing is fitted again."""
     require_folder(output)
-    moves = [_move(text) for text in move or ()]
-    recolors = [_recolor(text) for text in recolor or ()]
+    moves = [_move(text) for text in move]
+    recolors = [_recolor(text) for text in recolor]
     if not moves and not recolors:
-        raise BadParameter("nothing to do: give --move or --recolor")
+        raise click.BadParameter("nothing to do: give --move or --recolor")
     image = load_vector_image(vector_image)
 
     from gcvec.edit import edit
@@ -60,7 +59,9 @@ def _move(text: str) -> Move:
 
     found = MOVE.fullmatch(text)
     if not found:
-        raise BadParameter(f"{text!r} is not CURVE:INDEX:DX,DY, such as 3:2:1.5,-4", param_hint="'--move'")
+        raise click.BadParameter(
+            f"{text!r} is not CURVE:INDEX:DX,DY, such as 3:2:1.5,-4", param_hint="'--move'"
+        )
     curve, index, dx, dy = found.groups()
     return Move(int(curve), int(index), float(dx), float(dy))
 
@@ -70,5 +71,7 @@ def _recolor(text: str) -> Recolor:
 
     found = RECOLOR.fullmatch(text)
     if not found:
-        raise BadParameter(f"{text!r} is not PATCH:#rrggbb, such as 2:#f08020", param_hint="'--recolor'")
+        raise click.BadParameter(
+            f"{text!r} is not PATCH:#rrggbb, such as 2:#f08020", param_hint="'--recolor'"
+        )
     return Recolor(int(found[1]), hex_color(found[2]))

@@ -4,47 +4,43 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from typer import Argument, BadParameter, Option
+import click
 
 from gcvec.cli._files import about, load_picture, require_folder, write
-from gcvec.cli._options import WHITE, Matte
+from gcvec.cli._options import NEW_FILE, matte_option, picture_argument
 
 if TYPE_CHECKING:
     from gcvec.partition import Partition
 
 
-def regions(
-    image: Annotated[
-        Path, Argument(exists=True, dir_okay=False, readable=True, help="A PNG, JPEG, WebP or TIFF picture.")
-    ],
-    output: Annotated[
-        Path,
-        Option(
-            "-o",
-            "--output",
-            metavar="REGIONS",
-            help="Its ending says what is written: .xml (CVAT for images 1.1) or .json (COCO 1.0).",
-        ),
-    ],
-    count: Annotated[
-        int,
-        Option(
-            "--regions",
-            min=0,
-            metavar="N",
-            help="How many regions; 0: as many as pay for themselves, 2000 at most.",
-        ),
-    ] = 0,
-    matte: Matte = WHITE,
-) -> None:
+@click.command()
+@picture_argument
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=NEW_FILE,
+    metavar="REGIONS",
+    help="Its ending says what is written: .xml (CVAT for images 1.1) or .json (COCO 1.0).",
+)
+@click.option(
+    "--regions",
+    "count",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="N",
+    help="How many regions; 0: as many as pay for themselves, 2000 at most.",
+)
+@matte_option
+def regions(image: Path, output: Path, count: int, matte: str) -> None:
     """Divide a photo into regions along its edges, to correct by hand and pass to vectorize -a."""
     require_folder(output)
     document = DOCUMENTS.get(output.suffix.lower())
     if document is None:
         known = ", ".join(DOCUMENTS)
-        raise BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
+        raise click.BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
     picture = load_picture(image, matte)
 
     from gcvec.io import DEFAULT_LIMITS

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from typer import Argument, BadParameter, Option
+import click
 
 from gcvec.cli._files import load_vector_image, require_folder, write
+from gcvec.cli._options import EXISTING_FILE, NEW_FILE
 
 if TYPE_CHECKING:
     from gcvec import VectorImage
@@ -18,34 +19,31 @@ MAX_PIXELS = 2**28
 """The largest picture drawn, a guard against a mistyped scale: 16,384 px square, 800 MB of pixels."""
 
 
-def render(
-    vector_image: Annotated[
-        Path, Argument(metavar="OUT.gcv", exists=True, dir_okay=False, readable=True, help="A vector image.")
-    ],
-    output: Annotated[
-        Path,
-        Option(
-            "-o",
-            "--output",
-            metavar="PICTURE",
-            help="Its ending says what is written: .png, .svg, .pdf, .glb, .json.",
-        ),
-    ],
-    scale: Annotated[float, Option(help="PNG pixels a pixel of the photo.")] = 1.0,
-    raw: Annotated[
-        bool, Option("--raw", help="Sample at pixel centres instead of averaging over each pixel (PNG).")
-    ] = False,
-) -> None:
+@click.command()
+@click.argument("vector_image", type=EXISTING_FILE, metavar="OUT.gcv", help="A vector image.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=NEW_FILE,
+    metavar="PICTURE",
+    help="Its ending says what is written: .png, .svg, .pdf, .glb, .json.",
+)
+@click.option("--scale", type=float, default=1.0, help="PNG pixels a pixel of the photo.")
+@click.option(
+    "--raw", is_flag=True, help="Sample at pixel centres instead of averaging over each pixel (PNG)."
+)
+def render(vector_image: Path, output: Path, scale: float, raw: bool) -> None:
     """Draw a vector image at any scale, or write it in another format."""
     require_folder(output)
     ending = output.suffix.lower()
     if ending not in DOCUMENTS and ending != ".png":
         known = ", ".join((".png", *DOCUMENTS))
-        raise BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
+        raise click.BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
     if not scale > 0:
-        raise BadParameter(f"must be above 0, not {scale:g}", param_hint="'--scale'")
+        raise click.BadParameter(f"must be above 0, not {scale:g}", param_hint="'--scale'")
     if ending in DOCUMENTS and (raw or scale != 1):
-        raise BadParameter(f"{output}: --scale and --raw are for PNG", param_hint="'-o'")
+        raise click.BadParameter(f"{output}: --scale and --raw are for PNG", param_hint="'-o'")
     image = load_vector_image(vector_image)
     write(output, DOCUMENTS[ending](image) if ending in DOCUMENTS else _png(image, scale, raw))
 
@@ -55,7 +53,7 @@ def _png(image: VectorImage, scale: float, raw: bool) -> bytes:
 
     width, height = image.width * scale, image.height * scale
     if width * height > MAX_PIXELS:
-        raise BadParameter(f"{width:.0f} x {height:.0f} pixels are too many", param_hint="'--scale'")
+        raise click.BadParameter(f"{width:.0f} x {height:.0f} pixels are too many", param_hint="'--scale'")
     return png(image.render(scale, raw=raw))
 
 

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-from typer import Argument, Option
+import click
 
 from gcvec.cli._files import about, load_picture, require_folder, warn, write
 from gcvec.cli._options import (
-    WHITE,
-    Effort,
-    Matte,
-    MaxPoints,
-    Regions,
-    Snap,
-    Strategy,
-    TargetBytes,
-    TargetMse,
+    EXISTING_FILE,
+    NEW_FILE,
+    matte_option,
+    picture_argument,
+    vectorization_options,
 )
 from gcvec.cli._progress import no_garbage_collection, progress_bar, quick_interrupt
 from gcvec.options import Options
@@ -28,56 +24,39 @@ if TYPE_CHECKING:
     from gcvec.io import Picture
 
 
+@click.command()
+@picture_argument
+@click.option(
+    "-o", "--output", required=True, type=NEW_FILE, metavar="OUT.gcv", help="Where the result goes."
+)
+@click.option(
+    "-a",
+    "--annotations",
+    type=EXISTING_FILE,
+    help="Regions: CVAT for images 1.1 or COCO 1.0. Without it the regions are found automatically.",
+)
+@click.option(
+    "--image-name",
+    metavar="NAME",
+    help="The picture's name in the annotations; default: the file's own name, else the only one.",
+)
+@vectorization_options
+@matte_option
+@click.option("--workers", type=int, default=Options.workers, help="Threads; 0: one a core.")
+@click.option("--report", type=NEW_FILE, metavar="R.json", help="Write errors, counts and times here.")
+@click.option("--preview", type=NEW_FILE, metavar="P.png", help="Write the vector image, rendered, here.")
 def vectorize(
-    image: Annotated[
-        Path, Argument(exists=True, dir_okay=False, readable=True, help="A PNG, JPEG, WebP or TIFF picture.")
-    ],
-    output: Annotated[Path, Option("-o", "--output", metavar="OUT.gcv", help="Where the result goes.")],
-    annotations: Annotated[
-        Path | None,
-        Option(
-            "-a",
-            "--annotations",
-            exists=True,
-            dir_okay=False,
-            readable=True,
-            help="Regions: CVAT for images 1.1 or COCO 1.0. Without it the regions are found automatically.",
-        ),
-    ] = None,
-    image_name: Annotated[
-        str | None,
-        Option(
-            metavar="NAME",
-            help="The picture's name in the annotations; default: the file's own name, else the only one.",
-        ),
-    ] = None,
-    regions: Regions = Options.regions,
-    snap: Snap = Options.snap,
-    effort: Effort = Options.effort,
-    target_bytes: TargetBytes = Options.target_bytes,
-    strategy: Strategy = Options.strategy,
-    target_mse: TargetMse = Options.target_mse,
-    max_points: MaxPoints = Options.max_points,
-    matte: Matte = WHITE,
-    workers: Annotated[int, Option(help="Threads; 0: one a core.")] = Options.workers,
-    report: Annotated[
-        Path | None, Option(metavar="R.json", help="Write errors, counts and times here.")
-    ] = None,
-    preview: Annotated[
-        Path | None, Option(metavar="P.png", help="Write the vector image, rendered, here.")
-    ] = None,
+    image: Path,
+    output: Path,
+    annotations: Path | None,
+    image_name: str | None,
+    matte: str,
+    report: Path | None,
+    preview: Path | None,
+    **settings: Any,
 ) -> None:
     """Turn a photo and its regions into a vector image."""
-    options = Options(
-        strategy=strategy,
-        target_mse=target_mse,
-        max_points=max_points,
-        workers=workers,
-        regions=regions,
-        snap=snap,
-        effort=effort,
-        target_bytes=target_bytes,
-    )
+    options = Options(**settings)
     require_folder(output, report, preview)
     with no_garbage_collection():
         picture = load_picture(image, matte)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import hashlib
 import secrets
 
+import click
 
+
+@click.command()
 def key() -> None:
     """Make an API key: the key itself for its user, and the digest of it for GCVEC_API_KEYS."""
     made = f"gcvec_{secrets.token_urlsafe(32)}"

@@ -11,12 +11,12 @@ import time
 import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
-from inspect import cleandoc
 from pathlib import Path
-from typing import Annotated, Final
+from textwrap import fill
+from typing import Final
 from urllib.error import URLError
 
-from typer import Option
+import click
 
 from gcvec.errors import InputError
 from service.access.gate import is_loopback
@@ -30,12 +30,24 @@ from worker.settings import Settings, get_settings, listing
 _READY_SECONDS: Final = 60.0
 
 
-def serve(
-    host: Annotated[str, Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, Option(min=0, max=65535, help="Port to listen on; 0: a free one.")] = 8000,
-    workers: Annotated[int, Option(min=0, help="Jobs at a time; 0: one a core.")] = 0,
-    data: Annotated[Path, Option(file_okay=False, help="Folder for files and queue.")] = Path("gcvec-data"),
-) -> None:
+def _epilog() -> str:
+    """What the help page ends with: the settings, each from the start of a line."""
+    settings = [fill(line, 78, subsequent_indent="    ") for line in listing().splitlines()]
+    # The backspace keeps click from running the lines into one another.
+    return "\n".join(("Settings, read from the environment:", "", "\b", *settings))
+
+
+@click.command(epilog=_epilog())
+@click.option("--host", default="127.0.0.1", help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8000, help="Port to listen on; 0: a free one.")
+@click.option("--workers", type=click.IntRange(min=0), default=0, help="Jobs at a time; 0: one a core.")
+@click.option(
+    "--data",
+    type=click.Path(file_okay=False, path_type=Path),
+    default="gcvec-data",
+    help="Folder for files and queue.",
+)
+def serve(host: str, port: int, workers: int, data: Path) -> None:
     """Run the whole service until interrupted: API, workers and a private broker.
 
     With GCVEC_BROKER_URL set, that server is used and none is started.
@@ -59,9 +71,6 @@ def serve(
         _announce(supervisor, listener)
         while not supervisor.stopping:
             supervisor.look_after()
-
-
-serve.__doc__ = f"{cleandoc(serve.__doc__ or '')}\n\nSettings, read from the environment:\n\n{listing()}"
 
 
 def _check_open(settings: Settings, host: str) -> None:

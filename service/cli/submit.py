@@ -4,62 +4,41 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
+import click
 from httpx import HTTPError
-from typer import Argument, Option
 
-from gcvec.cli._options import Effort, MaxPoints, Regions, Snap, Strategy, TargetBytes, TargetMse
+from gcvec.cli._options import EXISTING_FILE, picture_argument, vectorization_options
 from gcvec.cli._progress import progress_bar
-from gcvec.options import Options
 from service.client import Client, problem_error
 from worker.artifacts import EXPORTS, KINDS
 
 
+@click.command()
+@picture_argument
+@click.option("--url", required=True, help="Where the service runs, e.g. http://127.0.0.1:8000.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Where the files go.",
+)
+@click.option("-a", "--annotations", type=EXISTING_FILE, help="CVAT XML or COCO JSON.")
+@click.option("--image-name", metavar="NAME", help="The picture's name in a file that annotates several.")
+@vectorization_options
+@click.option(
+    "--matte",
+    metavar="#RRGGBB",
+    help="What transparent pixels are laid over; default: what the service says.",
+)
+@click.option("--key", envvar="GCVEC_API_KEY", show_envvar=True, help="API key, if the service asks.")
 def submit(
-    image: Annotated[
-        Path, Argument(exists=True, dir_okay=False, readable=True, help="A PNG, JPEG, WebP or TIFF picture.")
-    ],
-    url: Annotated[str, Option(help="Where the service runs, e.g. http://127.0.0.1:8000.")],
-    output: Annotated[
-        Path, Option("-o", "--output", metavar="DIR", file_okay=False, help="Where the files go.")
-    ],
-    annotations: Annotated[
-        Path | None,
-        Option(
-            "-a", "--annotations", exists=True, dir_okay=False, readable=True, help="CVAT XML or COCO JSON."
-        ),
-    ] = None,
-    image_name: Annotated[
-        str | None, Option(metavar="NAME", help="The picture's name in a file that annotates several.")
-    ] = None,
-    regions: Regions = Options.regions,
-    snap: Snap = Options.snap,
-    effort: Effort = Options.effort,
-    target_bytes: TargetBytes = Options.target_bytes,
-    strategy: Strategy = Options.strategy,
-    target_mse: TargetMse = Options.target_mse,
-    max_points: MaxPoints = Options.max_points,
-    matte: Annotated[
-        str | None,
-        Option(
-            metavar="#RRGGBB", help="What transparent pixels are laid over; default: what the service says."
-        ),
-    ] = None,
-    key: Annotated[str | None, Option(envvar="GCVEC_API_KEY", help="API key, if the service asks.")] = None,
+    image: Path, url: str, output: Path, annotations: Path | None, key: str | None, **options: Any
 ) -> None:
     """Upload a picture to a service, watch the job and download its files."""
-    options = {
-        "image_name": image_name,
-        "regions": regions,
-        "snap": snap,
-        "effort": effort,
-        "target_bytes": target_bytes,
-        "strategy": strategy,
-        "target_mse": target_mse,
-        "max_points": max_points,
-        "matte": matte,
-    }
     output.mkdir(parents=True, exist_ok=True)
     try:
         with Client(url, key) as client:

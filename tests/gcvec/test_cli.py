@@ -11,12 +11,13 @@ import time
 from functools import partial
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from PIL import Image
 
 from gcvec import VectorImage
-from gcvec.cli._app import run
+from gcvec.cli._app import root, run
 from gcvec.edit import mean_color
 
 WIDTH, HEIGHT = 64, 48
@@ -255,6 +256,20 @@ def test_help_lists_every_command() -> None:
         assert f" {command} " in run.stdout
 
 
+def test_no_command_is_bad_input_and_shows_the_help() -> None:
+    run = gcvec()
+    assert (run.returncode, run.stdout, run.stderr) == (2, gcvec("--help").stdout, "")
+
+
+def test_every_parameter_is_explained() -> None:
+    context = click.Context(root)
+    commands = {name: root.get_command(context, name) for name in root.list_commands(context)}
+    assert {"vectorize", "serve"} < set(commands)
+    for name, command in commands.items():
+        assert command is not None
+        assert [parameter.name for parameter in command.params if not parameter.help] == [], name
+
+
 @pytest.mark.usefixtures("vectorized")
 def test_failed_write_leaves_nothing(folder: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "gcvec.cli", "render", folder / "photo.gcv", "-o", tmp_path / "a.json"]
@@ -310,6 +325,18 @@ def test_interrupt_is_quiet(tmp_path: Path) -> None:
     _, errors = process.communicate(timeout=60)
     assert (process.returncode, errors) == (130, "")
     assert [p.name for p in tmp_path.iterdir()] == ["noise.png"]
+
+
+def test_an_interrupt_before_the_work_is_quiet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gcvec.io.read_picture", interrupted)
+    (tmp_path / "a.png").touch()
+    assert run(["vectorize", str(tmp_path / "a.png"), "-o", str(tmp_path / "a.gcv")]) == 130
+    assert capsys.readouterr() == ("", "")
 
 
 def test_an_interrupt_inside_a_kernel_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
