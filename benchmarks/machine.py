@@ -7,6 +7,8 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+from gcvec.parallel import cores
+
 PACKAGES = ("gcvec", "numpy", "scipy", "numba", "scikit-image", "pillow", "vtracer")
 
 
@@ -19,11 +21,6 @@ def description() -> list[str]:
         f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
         packages,
     ]
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> str:

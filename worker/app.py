@@ -11,6 +11,7 @@ from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 from kombu import Exchange, Queue
 
+from gcvec.parallel import use_workers
 from worker import logs, tracing
 from worker.process import die_with, give_way
 from worker.settings import Settings, get_settings
@@ -103,11 +104,13 @@ def _begin(sender: Any, **_: Any) -> None:
 
 @signals.worker_process_init.connect
 def _prepare_process(**_: Any) -> None:
-    """Ready a pool process: bound to its worker's life, bounded in memory, no hindrance to the API."""
+    """Ready a pool process: bound to its worker's life, with its share of memory and threads, and behind the
+    API."""
+    settings = get_settings()
     die_with(os.getppid())
     give_way()
-    memory = get_settings().job_memory_bytes
-    resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
+    resource.setrlimit(resource.RLIMIT_DATA, (settings.job_memory_bytes, settings.job_memory_bytes))
+    use_workers(settings.job_threads)
 
 
 @signals.worker_ready.connect

@@ -9,6 +9,8 @@ import sys
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
+    # What is loaded and made stays to the end: to look for unreachable cycles meanwhile only takes time.
+    gc.disable()
     # Numerical libraries read these once, when they are loaded: threads of our own share the cores better.
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
@@ -18,5 +20,5 @@ def main() -> None:
         code = run(sys.argv[1:])
     except KeyboardInterrupt:
         code = 130
-    gc.freeze()  # at the end of the process nobody need look for unreachable cycles
+    gc.freeze()  # nor at the end of the process
     sys.exit(code)

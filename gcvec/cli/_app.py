@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pkgutil
 import sys
@@ -40,6 +41,7 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in engine_commands():
             return cast("click.Command", getattr(import_module(f"gcvec.cli.{cmd_name}"), cmd_name))
+        gc.enable()  # which `main` has put off: those of other packages may run for long
         return _added_command(cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -81,7 +83,12 @@ def _needs(command: str, module: str) -> click.Command:
             code="not-installed",
         )
 
-    return click.Command(command, callback=missing, help="Not installed: pip install 'gcvec[service]'.")
+    return click.Command(
+        command,
+        callback=missing,
+        context_settings={"ignore_unknown_options": True, "allow_extra_args": True},
+        help="Not installed: pip install 'gcvec[service]'.",
+    )
 
 
 @click.group(cls=Commands, context_settings={"show_default": True})

@@ -15,9 +15,7 @@ Function = Callable[..., Any]
 EXISTING_FILE = click.Path(exists=True, dir_okay=False, readable=True, path_type=Path)
 NEW_FILE = click.Path(path_type=Path)
 
-picture_argument = click.argument(
-    "image", type=EXISTING_FILE, metavar="image", help="A PNG, JPEG, WebP or TIFF picture."
-)
+picture_argument = click.argument("image", type=EXISTING_FILE, help="A PNG, JPEG, WebP or TIFF picture.")
 matte_option = click.option(
     "--matte",
     default="#ffffff",

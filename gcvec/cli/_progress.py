@@ -1,8 +1,7 @@
-"""What goes on around a run: a progress bar on a terminal, an interrupt, no needless pauses."""
+"""What goes on around a run: a progress bar on a terminal, an interrupt."""
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import sys
@@ -35,16 +34,6 @@ def _end(*_: object) -> None:
     if sys.stderr.isatty():
         os.write(sys.stderr.fileno(), b"\x1b[?25h\n")  # the bar has hidden the cursor
     os._exit(130)
-
-
-@contextmanager
-def no_garbage_collection() -> Iterator[None]:
-    """Inside, nobody looks for unreachable cycles: one picture leaves next to none, and it takes time."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
 
 
 @contextmanager

@@ -14,7 +14,7 @@ MEASURES = ("mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes
 
 
 @click.command()
-@click.argument("image", type=EXISTING_FILE, metavar="image", help="The photo.")
+@click.argument("image", type=EXISTING_FILE, help="The photo.")
 @click.argument("vector_image", type=EXISTING_FILE, metavar="OUT.gcv", help="A vector image.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @matte_option

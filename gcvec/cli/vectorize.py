@@ -16,7 +16,7 @@ from gcvec.cli._options import (
     picture_argument,
     vectorization_options,
 )
-from gcvec.cli._progress import no_garbage_collection, progress_bar, quick_interrupt
+from gcvec.cli._progress import progress_bar, quick_interrupt
 from gcvec.options import Options
 
 if TYPE_CHECKING:
@@ -58,14 +58,13 @@ def vectorize(
     """Turn a photo and its regions into a vector image."""
     options = Options(**settings)
     require_folder(output, report, preview)
-    with no_garbage_collection():
-        picture = load_picture(image, matte)
-        annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
+    picture = load_picture(image, matte)
+    annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
 
-        from gcvec import vectorize
+    from gcvec import vectorize
 
-        with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
-            result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
+    with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
+        result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
     warn(annotations or image, result.warnings)
     write(output, result.to_bytes())
     if report and result.report:

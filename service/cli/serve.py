@@ -19,6 +19,7 @@ from urllib.error import URLError
 import click
 
 from gcvec.errors import InputError
+from gcvec.parallel import cores
 from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
 from service.sockets import listen
@@ -56,7 +57,7 @@ def serve(host: str, port: int, workers: int, data: Path) -> None:
     logs.start(settings)
     _check_open(settings, host)
     data.mkdir(parents=True, exist_ok=True)
-    processes = workers or os.cpu_count() or 1
+    processes = workers or cores()
     with _locked(data), closing(_listen(host, port)) as listener, Supervisor() as supervisor:
         environment = {"GCVEC_DATA_DIR": str(data.absolute()), "GCVEC_STORAGE_URL": settings.storage}
         if "GCVEC_BROKER_URL" not in os.environ:
