@@ -2,8 +2,8 @@
 
     python -m examples.demo [OUTPUT_FOLDER]
 
-Starts API, worker and a private broker on a free port, with their data in a temporary folder; uploads
-the photo with its regions over HTTP; writes all that the service has made to `demo-out/`; stops it again.
+Starts API, worker and a private broker on a free port, with their data in a temporary folder; uploads the
+photo with its regions over HTTP; writes all that the service has made to `demo-out/`; stops it again.
 """
 
 from __future__ import annotations

@@ -37,8 +37,7 @@ class Curve:
 
     `control_points` is `(k, 2) float64`, pixels; the first and last are the positions of the nodes `start`
     and `end` (-1 each for a closed, periodic curve). The parameter polygons of both regions stay within
-    2^-`level` pixels of
-    the curve.
+    2^-`level` pixels of the curve.
     """
 
     control_points: Floats

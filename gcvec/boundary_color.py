@@ -76,8 +76,8 @@ def hard_edges(
     """Which curves are hard, `(c,) bool`.
 
     G_e is the median over the curve's samples of the local mean of the Sobel magnitude, D_e the distance
-    between the mean colours of
-    the two regions. `picture` is `(h, w, 3)` in [0, 1]. A curve on the frame has one side and is soft.
+    between the mean colours of the two regions. `picture` is `(h, w, 3)` in [0, 1]. A curve on the frame has
+    one side and is soft.
     """
     y, x = _pixel(samples.position, labels.shape)
     strength = medians(gradient_strength(picture, y, x), samples.curve, len(network.curves))
@@ -114,7 +114,7 @@ def mean_colors(picture, labels, n_regions):
 def gradient_strength(picture, ys, xs):
     """The mean over 3 x 3 pixels of the Sobel magnitude, per pixel, at pixels `ys`, `xs` `(n,)`.
 
-    Beyond the frame the picture is mirrored.
+    Beyond the frame the picture goes on as it ends there.
     """
     height, width = picture.shape[:2]
     known = np.full((height, width), -1.0)
@@ -199,9 +199,8 @@ def fit_boundary_colors(
     """Colours `(space.size, 3)` of the boundary unknowns: bounded least squares through the samples.
 
     Soft curves are sampled on the curve; on hard ones each side takes the colour of the nearest pixel inside
-    its
-    own eroded region, the inward offset sampling of section 4.3. A little smoothness settles what no sample
-    sees.
+    its own eroded region, the inward offset sampling of section 4.3. A little smoothness settles what no
+    sample sees.
     """
     inward = _inward(labels)
     control, weight = network.family.basis(samples.curve, samples.u)

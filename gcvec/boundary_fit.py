@@ -74,8 +74,8 @@ class _Turns:
         self.area = self.areas(np.concatenate(rows), np.cumsum([0, *map(len, rows)]))
 
     def areas(self, points: Floats, starts: Ints) -> Floats:
-        """Twice the signed areas `(l,)` for points `(n, 2)` on the borders, where `starts`
-        `(b + 1,)` says."""
+        """Twice the signed areas `(l,)` for points `(n, 2)` on the borders, where `starts` `(b + 1,)`
+        says."""
         x, y = points.T
         swept = x[:-1] * y[1:] - x[1:] * y[:-1]
         # Between two borders nothing is swept.

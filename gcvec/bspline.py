@@ -129,8 +129,7 @@ def refine(control: Floats, closed: bool = False) -> Floats:
     """The same curve with every segment cut in half by knot insertion (Boehm); u doubles.
 
     Exact: `evaluate(refine(P), 2 u) == evaluate(P, u)`. The new control points are values of the curve's
-    blossom at
-    triples of new knots (Ramshaw 1989).
+    blossom at triples of new knots (Ramshaw 1989).
     """
     return np.asarray(_refine(np.ascontiguousarray(control, np.float64), closed))
 

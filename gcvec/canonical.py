@@ -32,9 +32,8 @@ class Foundation:
     """Everything that stays the same while control points are added: curves, samples, S and the boundary
     unknowns.
 
-    `control_points` `(c, 2)` are those of all curves; they differ from the network's own after an edit,
-    which moves
-    the picture but leaves the parameter domains alone.
+    `control_points` `(c, 2)` are those of all curves; they differ from the network's own after an edit, which
+    moves the picture but leaves the parameter domains alone.
     """
 
     network: Network

@@ -3,7 +3,7 @@
 With v_i = p_i on every polygon it reads
 
     S(x) = Σ_i λ_i p_i + Σ_i (λ_i + λ_{i+1}) [C_i(t) - (1 - t) p_i - t p_{i+1}],
-    t = λ_{i+1} / (λ_i + λ_{i+1}):
+       t = λ_{i+1} / (λ_i + λ_{i+1}):
 
 the polygon's own interpolation plus the bulge of every curve over its chord, where neither λ is 0. It holds
 for geometry and colour alike, and for polygons with holes, where the sum runs over all loops. Both parts are

@@ -89,11 +89,9 @@ def harmonic_coordinates(
     """Harmonic coordinates `(v, n + m)` at every mesh vertex.
 
     `edges` `(e, 2)` names the mesh vertices that are the ends of each polygon edge; the n distinct ones, in
-    increasing order,
-    are the polygon's vertices. Mesh vertex i lies on edge `on_edge[i]` at the fraction `along[i]`, or inside
-    where
-    `on_edge[i]` is -1. `points` `(m,)` are the mesh vertices that are control points. Columns: vertices,
-    then control points.
+    increasing order, are the polygon's vertices. Mesh vertex i lies on edge `on_edge[i]` at the fraction
+    `along[i]`, or inside where `on_edge[i]` is -1. `points` `(m,)` are the mesh vertices that are control
+    points. Columns: vertices, then control points.
     """
     corners = np.unique(edges)
     values = np.zeros((len(vertices), len(corners) + len(points)))

@@ -142,8 +142,7 @@ def solve(
     """Preconditioned conjugate gradients from `start` `(n, 3)`, all columns at once.
 
     Ends after `iterations`, or when every column's residual has fallen below `tolerance` of its right-hand
-    side.
-    Unknowns where `fixed` `(n, 3)` is set keep their start values.
+    side. Unknowns where `fixed` `(n, 3)` is set keep their start values.
     """
     scale = 1 / equations.diagonal
     moving = np.ones(start.shape, bool) if fixed is None else ~fixed

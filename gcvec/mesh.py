@@ -67,9 +67,8 @@ def jitter(points: NDArray[np.int64], origin: tuple[int, int] = (0, 0)) -> Float
     """Positions `(n, 2)` in the parameter domain of the control points of pixels `(n, 2)` (x, y).
 
     A control point sits at its pixel's centre, moved by less than a twentieth of a pixel by a hash of the
-    pixel's
-    coordinates, so that no four of them lie on one circle and the Delaunay triangulation is unique. In a
-    part of a picture that begins at `origin` they are those of the whole.
+    pixel's coordinates, so that no four of them lie on one circle and the Delaunay triangulation is unique.
+    In a part of a picture that begins at `origin` they are those of the whole.
     """
     begin = np.array(origin, np.int64)
     return np.asarray(_jitter(np.asarray(points, np.int64) + begin) - begin)
@@ -98,10 +97,9 @@ def _jitter(points):
 def free_points(sites: Floats, width: int, height: int, origin: tuple[int, int] = (0, 0)) -> Floats:
     """Steiner points `(n, 2)` graded by the distance to the nearest of the `sites` `(k, 2)`.
 
-    A quadtree cell is clear when no site lies in it or its eight neighbours. Every clear cell without a
-    clear parent gets
-    a point in its middle. Cells and the test are integers, so the points are the same everywhere. In a part
-    of a picture they are those of the whole, if its `origin` is one of the coarsest cells.
+    A quadtree cell is clear when no site lies in it or its eight neighbours. Every clear cell without a clear
+    parent gets a point in its middle. Cells and the test are integers, so the points are the same everywhere.
+    In a part of a picture they are those of the whole, if its `origin` is one of the coarsest cells.
     """
     size = FINEST_CELL
     columns, rows = -(-width // size), -(-height // size)

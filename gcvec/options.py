@@ -18,15 +18,14 @@ class Options:
     """How a picture is vectorized.
 
     `strategy` is how interior control points are placed: in batches, or one at a time exactly as in the
-    paper.
-    `target_mse` is the mean squared error on the 0-255 scale at which refinement stops: that of the whole
-    anti-aliased picture, or, with "paper", of each region by itself, at pixel centres;
-    `max_points` bounds the interior control points of one region, 0 lifts the bound; `workers` is the
-    number of threads, 0 for one a core; `regions` is the number of automatic regions wanted when there are no
-    annotations, 0 lets the picture decide; `snap` is how many pixels the borders of annotated regions may
-    move onto the picture's edges, 0 keeps them where they were drawn, to half a pixel; `effort`, 1 to 9,
-    trades time for fewer control points with the strategy "batch"; `target_bytes`, if not 0, is the size that
-    the file must not exceed: the error is then as small as that allows, whatever `target_mse` says.
+    paper. `target_mse` is the mean squared error on the 0-255 scale at which refinement stops: that of the
+    whole anti-aliased picture, or, with "paper", of each region by itself, at pixel centres; `max_points`
+    bounds the interior control points of one region, 0 lifts the bound; `workers` is the number of threads, 0
+    for one a core; `regions` is the number of automatic regions wanted when there are no annotations, 0 lets
+    the picture decide; `snap` is how many pixels the borders of annotated regions may move onto the picture's
+    edges, 0 keeps them where they were drawn, to half a pixel; `effort`, 1 to 9, trades time for fewer
+    control points with the strategy "batch"; `target_bytes`, if not 0, is the size that the file must not
+    exceed: the error is then as small as that allows, whatever `target_mse` says.
     """
 
     strategy: Literal["batch", "paper"] = "batch"

@@ -38,9 +38,9 @@ class Partition:
 def partition(annotations: Annotations, width: int, height: int) -> Partition:
     """Paint the shapes in z order (ties: later above) and settle what is left.
 
-    Thin gaps between shapes go to the nearest one, the rest of what is uncovered becomes background;
-    every 4-connected component is a region, except that slivers under 16 px² join the neighbour with the
-    longest shared border. Shapes that end up without a pixel are named in `warnings`.
+    Thin gaps between shapes go to the nearest one, the rest of what is uncovered becomes background; every
+    4-connected component is a region, except that slivers under 16 px² join the neighbour with the longest
+    shared border. Shapes that end up without a pixel are named in `warnings`.
 
     Raises `InputError` ("no-usable-polygon") when no shape covers a pixel, "broken-annotations" when a
     coordinate is not finite.

@@ -56,8 +56,8 @@ class Arc:
 class PlanarGraph:
     """`nodes` is `(k, 2) int32` lattice points; `loops[r]` the boundary of region r.
 
-    A loop is a tuple of `(arc, forward)`; walking it keeps the region at the right hand, so the outer
-    loop has positive area in image coordinates and holes have negative area.
+    A loop is a tuple of `(arc, forward)`; walking it keeps the region at the right hand, so the outer loop
+    has positive area in image coordinates and holes have negative area.
     """
 
     nodes: NDArray[np.int32]
@@ -187,8 +187,7 @@ def _loops(arcs: tuple[Arc, ...], n_regions: int) -> tuple[tuple[tuple[tuple[int
     """Boundary loops of every region.
 
     Where a region touches itself at a diagonal crossing, the walk stays at the same pixel, because regions
-    are
-    4-connected: the quadrant at the right hand of the arriving step is that of the leaving one.
+    are 4-connected: the quadrant at the right hand of the arriving step is that of the leaving one.
     """
     leaving: dict[tuple[int, int], list[tuple[int, tuple[int, bool]]]] = {}
     arriving: dict[tuple[int, bool], int] = {}

@@ -21,9 +21,9 @@ def fill_ring(canvas: NDArray[np.int32], ring: NDArray[np.float64], value: int) 
     """Write `value` into the pixels of `canvas (h, w)` whose centres lie inside `ring (n, 2)`, in place.
 
     Inside means a winding number other than 0, as drawing programs show a polygon; a self-intersecting ring
-    needs no repair for that. A centre exactly on an edge belongs to the polygon on its right, on a
-    horizontal edge to the one below, so polygons that share an edge share no pixel and leave none out.
-    The coordinates must be finite; the last vertex joins the first.
+    needs no repair for that. A centre exactly on an edge belongs to the polygon on its right, on a horizontal
+    edge to the one below, so polygons that share an edge share no pixel and leave none out. The coordinates
+    must be finite; the last vertex joins the first.
     """
     height = canvas.shape[0]
     start, end = ring, np.roll(ring, -1, axis=0)

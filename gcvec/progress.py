@@ -11,12 +11,10 @@ class Progress:
     """One step of the pipeline; during refinement, one iteration.
 
     `phase` is "regions", "boundary", "mesh", "refine" or "encode". `region` is the region with the largest
-    remaining error out of `regions`; `iteration` counts from 1 within "refine" (0 elsewhere); `points` is
-    the number of
-    interior control points of the picture; `worst_error` the largest absolute pixel error and `mse` the
-    picture's
-    mean squared error, both on the 0-255 scale (None before they are known); `fraction` estimates the
-    share of the work done, 0 to 1, never falling.
+    remaining error out of `regions`; `iteration` counts from 1 within "refine" (0 elsewhere); `points` is the
+    number of interior control points of the picture; `worst_error` the largest absolute pixel error and `mse`
+    the picture's mean squared error, both on the 0-255 scale (None before they are known); `fraction`
+    estimates the share of the work done, 0 to 1, never falling.
     """
 
     phase: str

@@ -12,8 +12,7 @@ class Quantization:
     """Steps of a file, as it stores them.
 
     Curve control points lie on a grid of 2^-`position_bits` pixels. `boundary_step` and `point_step` are the
-    steps of colour
-    differences on curves and at interior control points, in quarters of a 1/255 level.
+    steps of colour differences on curves and at interior control points, in quarters of a 1/255 level.
     """
 
     position_bits: int = 4

@@ -1,9 +1,9 @@
 """Triangles → pixels: exact box filtering of a piecewise linear picture.
 
-A pixel's value is the integral of the picture over the pixel's square. Over the part of a triangle inside
-the pixel a linear function integrates to its value at the part's centroid times the part's area; both come
-from clipping the triangle to the square.
-This is the one place that takes colours at vertices to pixels: fit, error and rendering all go through it.
+A pixel's value is the integral of the picture over the pixel's square. Over the part of a triangle inside the
+pixel a linear function integrates to its value at the part's centroid times the part's area; both come from
+clipping the triangle to the square. This is the one place that takes colours at vertices to pixels: fit,
+error and rendering all go through it.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ EFFORTS = {
     2: Effort(GROWTH, ()),
     3: Effort(GROWTH, (0.1,)),
     4: Effort(GROWTH, (0.2,)),
-    5: Effort(GROWTH, (0.2, 0.1)),
+    5: Effort(GROWTH, (0.15, 0.1)),
     6: Effort(GROWTH, (0.2, 0.15, 0.1)),
     7: Effort(GROWTH, (0.25, 0.2, 0.2, 0.15, 0.1, 0.1)),
     8: Effort(GROWTH, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1)),

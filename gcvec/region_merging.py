@@ -86,8 +86,8 @@ def border_gains(first, second, length, energy, step, areas):
     """The smaller region at each border, of equal ones the first, and what the border saves less what it
     costs, per pixel of its length.
 
-    A step of one sign along the whole border counts in full; one whose sign changes, as between the
-    grains of a texture, counts half.
+    A step of one sign along the whole border counts in full; one whose sign changes, as between the grains of
+    a texture, counts half.
     """
     smaller, gain = np.empty(len(first), np.int64), np.empty(len(first))
     for k in range(len(first)):

@@ -31,8 +31,8 @@ class PrivateBroker:
 def private_broker(folder: Path) -> PrivateBroker:
     """A server that listens on a free loopback port, behind a password, and logs every write to `folder`.
 
-    The configuration goes in by standard input, so that the password shows in no process list.
-    Raises FileNotFoundError where no server program is installed.
+    The configuration goes in by standard input, so that the password shows in no process list. Raises
+    FileNotFoundError where no server program is installed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     password = secrets.token_urlsafe(24)

@@ -110,9 +110,8 @@ def check_target(url: str, *, private: bool) -> None:
 def post(url: str, headers: dict[str, str], body: bytes, *, private: bool) -> int:
     """Call the address; the status of the answer. Redirects and proxies are not followed.
 
-    The name is resolved once, and the connection goes to the address that was checked.
-    Raises UnsafeTargetError, OSError (TimeoutError where the whole takes more than ten seconds) and
-    httpx.HTTPError.
+    The name is resolved once, and the connection goes to the address that was checked. Raises
+    UnsafeTargetError, OSError (TimeoutError where the whole takes more than ten seconds) and httpx.HTTPError.
     """
     check_target(url, private=private)
     parts = urlsplit(url)

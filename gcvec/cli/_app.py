@@ -28,8 +28,8 @@ def engine_commands() -> list[str]:
 class Commands(click.Group):
     """The commands of this package and those that other packages add under the entry point "gcvec.commands".
 
-    A command's module is imported when the command is run or listed, so that drawing a picture never
-    loads a web framework.
+    A command's module is imported when the command is run or listed, so that drawing a picture never loads a
+    web framework.
     """
 
     def list_commands(self, ctx: click.Context) -> list[str]:

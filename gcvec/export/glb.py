@@ -15,9 +15,6 @@ from gcvec.vector_image import VectorImage
 FLOAT, UNSIGNED_SHORT, UNSIGNED_INT = 5126, 5123, 5125
 VERTICES, INDICES = 34962, 34963
 
-SHORTEST = 1.0
-"""Edges this short, in pixels, are left whole."""
-
 
 def glb(image: VectorImage) -> bytes:
     """A GLB file of the picture in the plane z = 0, y up, its middle at the origin.

@@ -1,7 +1,7 @@
 """SVG: one path a patch, with its exact Bézier outline, filled with a raster of the patch's own colours.
 
-SVG has no gradient that could express the colours of a patch: outlines are vector, shading is sampled.
-The same patches lie beneath once more, with a thin stroke, so that no background shows between neighbours.
+SVG has no gradient that could express the colours of a patch: outlines are vector, shading is sampled. The
+same patches lie beneath once more, with a thin stroke, so that no background shows between neighbours.
 """
 
 from __future__ import annotations

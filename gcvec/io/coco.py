@@ -26,8 +26,8 @@ def read_coco(
     """The regions of one image of a COCO instances file.
 
     Several rings of one annotation are parts of one region. A run-length mask may be compressed or not. An
-    annotation with a box alone is a rectangle; one with neither (keypoints, captions) is left out with
-    a warning. See `select_image` for how the image is chosen. Raises `InputError`.
+    annotation with a box alone is a rectangle; one with neither (keypoints, captions) is left out with a
+    warning. See `select_image` for how the image is chosen. Raises `InputError`.
     """
     document = _parse(data)
     images = _objects(document, "images")

@@ -73,10 +73,10 @@ def read_picture(
 ) -> Picture:
     """Decode a PNG, JPEG, WebP or TIFF file, told apart by content, never by name.
 
-    EXIF orientation is applied; an embedded ICC profile is converted to sRGB; CMYK, grey and palette
-    pictures become RGB; transparent pixels are laid over `matte`. Of an animation or a multi-page
-    file the first frame is taken. 16-bit grey is rounded to 8 bits; of 16-bit colour samples Pillow
-    keeps the high byte, which is up to one level darker than rounding.
+    EXIF orientation is applied; an embedded ICC profile is converted to sRGB; CMYK, grey and palette pictures
+    become RGB; transparent pixels are laid over `matte`. Of an animation or a multi-page file the first frame
+    is taken. 16-bit grey is rounded to 8 bits; of 16-bit colour samples Pillow keeps the high byte, which is
+    up to one level darker than rounding.
 
     Raises `InputError`: "unreadable-picture" (damaged), "unsupported-picture" (another format, or samples
     of 32 bits), "picture-too-large" (by its header, before anything is decoded).

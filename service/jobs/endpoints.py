@@ -115,8 +115,8 @@ async def watch_job(
 ) -> Response:
     """Server-sent events: `snapshot`, one `progress` a refinement iteration, a final `state`, then the end.
 
-    Events carry increasing ids; `Last-Event-ID` resumes after one. A client that has seen the final
-    state gets 204, which stops browsers from connecting again.
+    Events carry increasing ids; `Last-Event-ID` resumes after one. A client that has seen the final state
+    gets 204, which stops browsers from connecting again.
     """
     if job.finished and last_event_id >= job.last_event:
         return Response(status_code=204)

@@ -39,9 +39,9 @@ class Upload:
 class LimitBody:
     """Middleware: a request body may not grow beyond what the largest valid upload needs.
 
-    Nor may all that are being read or handled: a crowd of large ones would take all memory.
-    Nor may a form name a character set other than UTF-8: Python decodes some of them, "punycode" for one, in
-    a time that grows with the square of the length.
+    Nor may all that are being read or handled: a crowd of large ones would take all memory. Nor may a form
+    name a character set other than UTF-8: Python decodes some of them, "punycode" for one, in a time that
+    grows with the square of the length.
     """
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
