@@ -71,7 +71,7 @@ def _patch(number: int, label: str, outline: str, samples: PatchRaster) -> str:
 def _data_url(samples: NDArray[np.uint8]) -> str:
     jpeg, png = BytesIO(), BytesIO()
     Image.fromarray(samples).save(jpeg, "JPEG", quality=JPEG_QUALITY, subsampling=0, optimize=True)
-    Image.fromarray(samples).save(png, "PNG", optimize=True)
+    Image.fromarray(samples).save(png, "PNG")
     kind, file = min(("jpeg", jpeg), ("png", png), key=lambda choice: choice[1].tell())
     return f"data:image/{kind};base64,{b64encode(file.getvalue()).decode()}"
 
