@@ -75,7 +75,7 @@ def refine_batch(
     def settled() -> Filed:
         state.settle()
         with clock.stage("encode"):
-            found = landed(file, terms.steps, state.mse, state.rounding(terms.steps), target_mse)
+            found = landed(file, terms.steps, state.mse, state.rounding(terms.steps), target_mse + state.lack)
         state.learn(found.steps, found.mse)
         return found
 
@@ -91,7 +91,7 @@ def refine_batch(
         more = state.turn_over(min(state.spare, LANDING))
         filed = settled()
     for _ in range(RETRIES):
-        if filed.mse <= target_mse or not more:
+        if filed.mse <= target_mse + state.lack or not more:
             break
         more = state.catch_up()
         filed = settled()

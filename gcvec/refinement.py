@@ -115,11 +115,13 @@ class Step:
 
 @dataclass(frozen=True)
 class Start:
-    """Control points `(n, 2)`, by rows, and all colours `(b + n, 3)` after so many rounds."""
+    """Control points `(n, 2)`, by rows, and all colours `(b + n, 3)` after so many rounds, and what full
+    regions lack (see `Refinement`)."""
 
     points: Ints
     colors: Floats
     rounds: int
+    lack: float = 0.0
 
 
 def error_before_rounding(target_mse: float, steps: Quantization, energy: float, loss: float = LOSS) -> float:
@@ -143,6 +145,8 @@ class Refinement:
     colors  (b + n, 3) float64, all unknowns, boundary first
     canvas  the mesh with these points
     bias    the error that greedy placement expected of the last round over what it was
+    lack    how much of the error there is because regions may have no more points: what the others cannot
+            make up for, however many points are spent there
     """
 
     def __init__(
@@ -165,7 +169,7 @@ class Refinement:
         self._steps = terms.steps
         self._loss = LOSS
         self._margin = CAREFUL
-        self.bias = 1.0
+        self.bias, self.lack = 1.0, start.lack
         self._max_points = terms.max_points
         self._on_step = on_step
         self._clock = clock
@@ -191,7 +195,7 @@ class Refinement:
     @property
     def spare(self) -> float:
         """Share of the control points that the picture can do without and still be as good as its aim."""
-        return max(self.aim / max(self.mse, 1e-9) - 1, 0.0) / RISE
+        return max(self.aim / max(self.open_mse, 1e-9) - 1, 0.0) / RISE
 
     def rounding(self, steps: Quantization) -> float:
         """The error that rounding to these steps is expected to add."""
@@ -199,9 +203,10 @@ class Refinement:
 
     def learn(self, steps: Quantization, mse: float) -> None:
         """See what rounding costs: a file of the picture as it is has the error `mse` in these steps."""
-        missed_by = mse / self._target_mse * self.aim / max(self.mse, 1e-9)
+        open_mse = mse - self.lack
+        missed_by = open_mse / self._target_mse * self.aim / max(self.open_mse, 1e-9)
         self._loss *= max((mse - self.mse) / self.rounding(steps), LEAST_LESSON)
-        if mse > self._target_mse:
+        if open_mse > self._target_mse:
             self._margin *= MORE_CAREFUL / max(missed_by, 1.0)
 
     def grow(self, growth: float, early: bool) -> bool:
@@ -212,7 +217,7 @@ class Refinement:
         while True:
             n, before = len(self.points), self.mse
             goal, near = (EARLY, EARLY_NEAR) if early and n >= FEW else (1.0, NEAR)
-            if before <= near * self.aim:
+            if self.open_mse <= near * self.aim:
                 return True
             if not self.turn_over(0.0, growth, self._foreseen(goal * self.aim, growing=True)):
                 return False
@@ -236,7 +241,6 @@ class Refinement:
         """
         n = len(self.points)
         with self._clock.stage("evaluation"):
-            finished = self._finished()
             expected = expected or self._foreseen(self.aim, growing=not share)
             goal = self._to_square(expected)
             on_canvas = self._fit.operator @ self.colors
@@ -248,16 +252,16 @@ class Refinement:
                 self._residual,
                 self._picture.reshape(-1, 3),
                 self._seats(),
-                self._room(finished),
+                self._room(),
                 POINT_WEIGHT * self._strength,
                 SHIFTS[self._iteration % 2],
             )
-            placement.thin_out(int(share * n), finished)
+            placement.thin_out(share)
             most = int((REPLACEMENT * share or growth) * n + FIRST_POINTS * len(self._truth)) + 4
             more = placement.grow(goal, most)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
-        foreseen = placement.error
+        foreseen, self.lack = placement.error, placement.lack * 65025 / self._truth.size
         del placement
         self._update(new)
         self.bias = foreseen / max(self._to_square(self.mse), 1e-12)
@@ -276,34 +280,28 @@ class Refinement:
         taken[self.points[:, 1], self.points[:, 0]] = True
         return seats(self.foundation, taken)
 
-    def _room(self, finished: NDArray[np.bool_]) -> Ints | None:
+    def _room(self) -> Ints | None:
         """How many more points each patch may have; None: any number."""
         if not self._max_points:
             return None
-        count = np.bincount(self.canvas.patch_of_points(), minlength=len(finished))
-        return np.where(finished, 0, np.maximum(self._max_points - count, 0))
+        return np.maximum(self._max_points - self._points_by_region(), 0)
+
+    def _points_by_region(self) -> Ints:
+        return np.bincount(self.canvas.patch_of_points(), minlength=len(self.foundation.network.loops))
 
     def _to_square(self, mse: float) -> float:
         """Squared error, summed over pixels and channels, of a mean squared error on the 0-255 scale."""
         return mse * self._truth.size / 65025
 
-    def _finished(self) -> NDArray[np.bool_]:
-        """Regions that want no more points: once some have reached their bound, those within the target.
-
-        What the others lack cannot be made up for there, however many points are spent.
-        """
-        n = len(self.foundation.network.loops)
-        if not self.full:
-            return np.zeros(n, bool)
-        owner = self.foundation.geometry.patch_at().ravel()
-        square = np.bincount(owner, (self._residual**2).mean(axis=1), n) * 65025
-        return np.asarray(square <= self.fair_aim * np.bincount(owner, minlength=n))[:n]
-
     @property
     def full(self) -> bool:
         """Whether a region has as many points as it may have."""
-        count = np.bincount(self.canvas.patch_of_points(), minlength=1)
-        return bool(self._max_points) and int(count.max()) >= self._max_points
+        return bool(self._max_points) and int(self._points_by_region().max()) >= self._max_points
+
+    @property
+    def open_mse(self) -> float:
+        """The error that is compared with the aim: the picture's without what regions lack that are full."""
+        return self.mse - self.lack
 
     def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
         """Bring the colours closer to the best ones for these control points."""

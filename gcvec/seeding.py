@@ -56,10 +56,10 @@ def seeds(
         density *= np.minimum(1, max_points / 2 / np.maximum(expected, 1e-9))[patch_at]
     ys, xs = np.nonzero(_diffused(density, blocked))
     points = np.stack([xs, ys], axis=1).astype(np.int64)
-    return points[_rank_in_group(patch_at[ys, xs]) < max_points] if max_points else points
+    return points[rank_in_group(patch_at[ys, xs]) < max_points] if max_points else points
 
 
-def _rank_in_group(group: Ints) -> Ints:
+def rank_in_group(group: Ints) -> Ints:
     """How many equal numbers come before each of `group` `(n,)`."""
     order = np.argsort(group, kind="stable")
     rank = np.empty(len(group), np.int64)

@@ -6,6 +6,9 @@ they buy most; between two thresholds colours adapt and every triangle is looked
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +26,7 @@ from gcvec.greedy.seats import Seats, image_of
 from gcvec.kernels import bare_kernel
 from gcvec.mesh import jittered
 from gcvec.parallel import in_turn
+from gcvec.seeding import rank_in_group
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -41,6 +45,14 @@ EAGER = 0.3
 
 NEAR_ENOUGH = 0.003
 NEARLY = 0.85
+SAVED = 0.6
+"""Errors fall with about the power -1.5 of the number of points, so they go with this power of what the last
+point saves."""
+
+MOST_BETTER = 0.5
+"""Patches that have room are not made better than this share of the error that all should have, for the sake
+of those that have none."""
+
 MOST_LEVELS = 30
 """Enough is an error within this share of the goal, or so many of the points allowed, or thresholds."""
 
@@ -126,22 +138,19 @@ def _square(residual):
 
 
 @bare_kernel
-def _grow(plot, seats, queue, threshold, room, pull):
-    """Place points in the triangles of a queue, where one saves more than the threshold and at most
-    `room[p]` in patch p; what is new has to wait until colours have adapted."""
-    placed = 0
+def _grow(plot, seats, queue, room, pull):
+    """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts
+    down; those that have changed meanwhile have to wait until colours have adapted."""
     for t in queue:
         patch = plot.patch[t]
-        if plot.gain[t] <= threshold or room[patch] == 0 or plot.counts[VERTICES] + 1 >= len(plot.domain):
+        if plot.gain[t] <= 0.0 or room[patch] == 0 or plot.counts[VERTICES] + 1 >= len(plot.domain):
             continue
         n_new = _place(plot, seats, t, plot.holes, pull)
         plot.gain[t] = 0.0
         for i in range(n_new):
             plot.gain[plot.holes[i]] = 0.0
         if n_new > 0:
-            placed += 1
             room[patch] -= 1
-    return placed
 
 
 @bare_kernel
@@ -181,9 +190,11 @@ def _rate(plot, use):
 
 @bare_kernel
 def _thin(plot, use, limit):
-    """Take out the vertices whose usefulness is `limit` or less."""
+    """Take out the vertices whose usefulness is not above the `limit` `(patches,)` of their patch."""
     for v in range(len(use)):
-        if plot.whole[v] and use[v] <= limit and remove(plot, v, plot.holes) > 0:
+        if not plot.whole[v] or use[v] > limit[plot.patch[plot.at_vertex[v]]]:
+            continue
+        if remove(plot, v, plot.holes) > 0:
             plot.whole[v] = False
             plot.seat[v] = NOBODY
 
@@ -193,6 +204,8 @@ class Placement:
 
     plots   strips of the picture
     error   squared error of the picture as it is, in [0, 1] colours, summed over pixels and channels
+    lack    how much of it there is because patches may have no more points: what the others cannot make up
+            for, however many points are spent there
     """
 
     def __init__(self, plots: list[Plot], seats: Seats, error: float, room: Ints | None, pull: float) -> None:
@@ -202,32 +215,25 @@ class Placement:
         self._seats = seats
         self._elsewhere = 0.0
         self._room = room
-        self._none_full = room is not None and bool(room.all())
         self._pull = pull
+        self._n_patches = int(seats.patch.max()) + 1
         self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
         # Where strips overlap each sees its own changes only.
-        self.error = 0.0
+        self.error, self.lack = 0.0, 0.0
         self.settle(0)
         self._elsewhere = error - self.error
         self.error = error
 
-    def thin_out(self, fewer: int, finished: NDArray[np.bool_]) -> None:
-        """Take out the `fewer` least useful points, but none of patches that are `finished`; their seats
-        stay taken."""
-        if not fewer:
+    def thin_out(self, share: float) -> None:
+        """Take out the least useful `share` of the points, all over the picture, and of each patch that may
+        have no more by itself; their seats stay taken."""
+        if not share:
             return
         rated = [np.empty(plot.counts[VERTICES]) for plot in self.plots]
         pairs = list(zip(self.plots, rated, strict=True))
         in_turn(lambda pair: _rate(*pair), pairs)
         patches = [plot.patch[plot.at_vertex[: len(use)]] for plot, use in pairs]
-        for use, patch in zip(rated, patches, strict=True):
-            use[finished[patch]] = np.inf
-        every = np.concatenate(rated)
-        every = every[np.isfinite(every)]
-        fewer = min(fewer, len(every))
-        if not fewer:
-            return
-        limit = np.partition(every, fewer - 1)[fewer - 1]
+        limit = self._limits(np.concatenate(rated), np.concatenate(patches), share)
         in_turn(lambda pair: _thin(*pair, limit), pairs)
         if self._room is not None:
             for (plot, use), patch in zip(pairs, patches, strict=True):
@@ -235,32 +241,46 @@ class Placement:
                 self._room += np.bincount(patch[gone], minlength=len(self._room))
         self.settle()
 
+    def _limits(self, use: Floats, patch: Ints, share: float) -> Floats:
+        """`(patches,)` up to which usefulness points go, if this share of them shall."""
+        full = np.zeros(self._n_patches, bool)
+        if self._room is not None:
+            full[: len(self._room)] = self._room == 0
+        movable = np.isfinite(use)
+        limit = np.full(self._n_patches, _least(use[movable & ~full[patch]], share))
+        for p in np.flatnonzero(full):
+            limit[p] = _least(use[movable & (patch == p)], share)
+        return limit
+
     def settle(self, sweeps: int = 1) -> None:
         """Let colours adapt, and look at every triangle again."""
         squares = in_turn(lambda plot: _settle(plot, self._seats, self._pull, sweeps), self.plots)
         self.error = self._elsewhere + sum(squares)
 
     def grow(self, goal: float, most: int) -> bool:
-        """Place points until the error is `goal` or less, about `most` are placed, a first patch has all that
-        it may have, or plots have no room for more. False: no more points help."""
+        """Place points until the error is `goal` or less, about `most` are placed, or plots have no room for
+        more. False: no more points help.
+
+        What patches lack that may have no more points is not asked of the others (see `lack`).
+        """
         placed = 0
         for _ in range(MOST_LEVELS):
-            missing = self.error - goal
+            queues, full = self._queues()
+            gain = np.sort(np.concatenate([q.gain for q in queues]))[::-1]
+            missing = full.missing(self.error, goal, gain[0] if len(gain) else 0.0)
+            self.lack = self.error - goal - missing
             if missing <= NEAR_ENOUGH * goal or placed >= NEARLY * most:
                 return True
-            gain = np.sort(np.concatenate([self._gains(plot) for plot in self.plots]))[::-1]
             if not len(gain):
                 return False
-            wanted = int(EAGER * np.searchsorted(FALL * np.cumsum(gain), missing))
+            wanted = int(EAGER * _how_many(gain, lambda price: full.missing(self.error, goal, price)))
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
-            new = self._place_above(float(gain[wanted]) if wanted < len(gain) else 0.0)
-            if not new:
+            threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
+            new, stuck = self._place([self._best(q, threshold) for q in queues])
+            if not new and not stuck:
                 return any(plot.counts[VERTICES] + 1 >= len(plot.domain) for plot in self.plots)
             placed += new
             self.settle()
-            if self._none_full and self._room is not None and not self._room.all():
-                self._none_full = False
-                return True  # whether others should go on is not for this to say
         return True
 
     def result(self) -> tuple[Ints, Floats, NDArray[np.bool_]]:
@@ -273,21 +293,123 @@ class Placement:
         seat, one = np.unique(seat, return_index=True)
         return np.stack([seat % self._seats.width, seat // self._seats.width], axis=1), color[one], new[one]
 
-    def _gains(self, plot: Plot) -> Floats:
-        """What points would save in the triangles where they do and can be."""
-        gain = plot.gain[: plot.counts[TRIANGLES]]
-        useful = gain > 0
-        if self._room is not None:
-            useful &= self._room[plot.patch[: len(gain)]] > 0
-        return gain[useful]
+    def _queues(self) -> tuple[list[Queue], Full]:
+        """For each plot the triangles where a point would save something and may be, and the patches that may
+        have no more points."""
+        queues = in_turn(_useful, self.plots)
+        if self._room is None:
+            return queues, Full(np.zeros(0), np.zeros(0), 0.0)
+        gain = np.concatenate([q.gain for q in queues])
+        patch = np.concatenate([q.patch for q in queues])
+        order, rank = np.argsort(-gain, kind="stable"), np.empty(len(gain), np.int64)
+        rank[order] = rank_in_group(patch[order])
+        cuts = np.cumsum([len(q.gain) for q in queues])[:-1]
+        ranked = [q._replace(rank=own) for q, own in zip(queues, np.split(rank, cuts), strict=True)]
+        full = self._room == 0
+        price = np.zeros(len(full))
+        np.maximum.at(price, patch, gain)
+        area = np.bincount(self._seats.patch, minlength=len(full))[: len(full)]
+        found = Full(self._squares()[full], price[full], float(area[full].sum() / area.sum()))
+        return [q.where(~full[q.patch]) for q in ranked], found
 
-    def _place_above(self, threshold: float) -> int:
-        def grow(plot: Plot, room: Ints) -> int:
-            gain = plot.gain[: plot.counts[TRIANGLES]]
-            queue = np.flatnonzero(gain > threshold)
-            return int(_grow(plot, self._seats, queue[np.argsort(-gain[queue])], threshold, room, self._pull))
+    def _squares(self) -> Floats:
+        """`(patches,)` squared errors."""
+        total = np.zeros(self._n_patches)
+        for plot in self.plots:
+            own = slice(plot.first_row * plot.width, (plot.first_row + plot.rows) * plot.width)
+            total += np.bincount(self._seats.patch[own], (plot.residual**2).sum(axis=1), self._n_patches)
+        return total[: None if self._room is None else len(self._room)]
 
+    def _best(self, queue: Queue, threshold: float) -> Ints:
+        """The triangles of a queue to place points in now, no more of a patch than it may have points."""
+        wanted = queue.gain > threshold
         if self._room is not None:
-            return sum(grow(plot, self._room) for plot in self.plots)
-        free = np.full(int(self._seats.patch.max()) + 1, len(self._seats.patch))
-        return sum(in_turn(lambda plot: grow(plot, free.copy()), self.plots))
+            wanted &= queue.rank < self._room[queue.patch]
+        return queue.triangle[wanted]
+
+    def _place(self, queues: list[Ints]) -> tuple[int, bool]:
+        """Place points in these triangles of each plot. How many, and whether a patch that has a bound has
+        got none of them: it is given none any more then."""
+
+        def grow(pair: tuple[Plot, Ints]) -> tuple[Ints, Ints]:
+            plot, queue = pair
+            asked = np.bincount(plot.patch[queue], minlength=self._n_patches)
+            left = asked.copy()
+            _grow(plot, self._seats, queue, left, self._pull)
+            return asked, asked - left
+
+        asked, used = np.sum(in_turn(grow, list(zip(self.plots, queues, strict=True))), axis=0)
+        if self._room is None:
+            return int(used.sum()), False
+        n = len(self._room)
+        self._room -= used[:n]
+        stuck = (asked[:n] > 0) & (used[:n] == 0)
+        self._room[stuck] = 0
+        return int(used.sum()), bool(stuck.any())
+
+
+class Queue(NamedTuple):
+    """Triangles of a plot where a point would save something.
+
+    triangle  (q,) int64, the most promising first
+    gain      (q,) squared error that the best point inside would save
+    patch     (q,) int64
+    rank      (q,) int64, how many of the same patch, in any plot, save more
+    """
+
+    triangle: Ints
+    gain: Floats
+    patch: Ints
+    rank: Ints
+
+    def where(self, chosen: NDArray[np.bool_]) -> Queue:
+        """Some of them."""
+        return Queue(self.triangle[chosen], self.gain[chosen], self.patch[chosen], self.rank[chosen])
+
+
+class Full(NamedTuple):
+    """Patches that may have no more points.
+
+    square  (f,) their squared errors
+    price   (f,) what the best further point in each would save
+    area    the share of the picture that they cover
+    """
+
+    square: Floats
+    price: Floats
+    area: float
+
+    def missing(self, error: float, goal: float, price: float) -> float:
+        """How far the picture with that error is from the goal, if full patches had points down to this price
+        as the others have; but the others need not be much better than the goal asks of all.
+        """
+        if not len(self.square):
+            return error - goal
+        share = np.minimum(price / np.maximum(self.price, 1e-300), 1.0)
+        lack = float((self.square * (1 - share**SAVED)).sum())
+        others = error - float(self.square.sum())
+        return min(error - lack - goal, others - MOST_BETTER * goal * (1 - self.area))
+
+
+def _how_many(gain: Floats, missing: Callable[[float], float]) -> int:
+    """How many points, in the order of what they save, `gain` `(n,)`, make up for what is missing at the
+    price of the last one."""
+    saved = FALL * np.cumsum(gain)
+    low, high = 0, len(gain)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if saved[middle] >= missing(float(gain[middle])) else (middle + 1, high)
+    return low
+
+
+def _useful(plot: Plot) -> Queue:
+    gain = plot.gain[: plot.counts[TRIANGLES]]
+    found = np.flatnonzero(gain > 0)
+    found = found[np.argsort(-gain[found], kind="stable")]
+    return Queue(found, gain[found], plot.patch[found], np.zeros_like(found))
+
+
+def _least(use: Floats, share: float) -> float:
+    """The usefulness of the most useful one of this share of the points."""
+    fewer = int(share * len(use))
+    return float(np.partition(use, fewer - 1)[fewer - 1]) if fewer else -np.inf

@@ -85,7 +85,7 @@ def refine_by(crew: Crew, scene: Scene, terms: Terms, on_step: Callable[[Step], 
     for _ in range(MOST_GROWTH_ROUNDS):
         points, before = rounds.n_points, rounds.square
         rounds.run((0.0,), rounds.goals())
-        if rounds.square <= CLOSE * rounds.aim or not rounds.more:
+        if rounds.open_square <= CLOSE * rounds.aim or not rounds.more:
             break
         if rounds.n_points <= points and rounds.square > LEAST_CHANGE * before:
             break
@@ -121,6 +121,11 @@ class _Rounds:
         return sum(state.square for state in self._states) + self._shared.excess
 
     @property
+    def open_square(self) -> float:
+        """What more points could still lower of it: without what regions lack that are full."""
+        return self.square - sum(state.lack for state in self._states)
+
+    @property
     def more(self) -> bool:
         """Whether more points would help in some part."""
         return any(state.more for state in self._states)
@@ -149,7 +154,7 @@ class _Rounds:
 
     def run(self, shares: tuple[float, ...], goals: Floats) -> None:
         """Have all parts refined once more."""
-        fair_aim, some_full = self.fair_aim, any(state.full for state in self._states)
+        fair_aim = self.fair_aim
         requests = [
             PartRequest(
                 number=state.number,
@@ -163,7 +168,6 @@ class _Rounds:
                 goal=float(goal),
                 shares=shares,
                 max_points=self._terms.max_points,
-                some_full=some_full,
                 bias=state.bias,
                 shared=state.shared,
                 wanted=wanted,
@@ -199,10 +203,12 @@ class _Rounds:
             np.add.at(total, part.colors, state.colors[: len(part.colors)])
             np.add.at(count, part.colors, 1)
         points = np.concatenate([s.points + p.origin for p, s in zip(self._parts, self._states, strict=True)])
-        colors = [s.colors[len(p.colors) :] for p, s in zip(self._parts, self._states, strict=True)]
+        inner = [s.colors[len(p.colors) :] for p, s in zip(self._parts, self._states, strict=True)]
         order = by_rows(points)
         boundary = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], self._prior)
-        return Start(points[order], np.concatenate([boundary, np.concatenate(colors)[order]]), self._done)
+        colors = np.concatenate([boundary, np.concatenate(inner)[order]])
+        lack = sum(state.lack for state in self._states) * 65025 / self._pixels.size
+        return Start(points[order], colors, self._done, lack)
 
 
 @dataclass(frozen=True)
@@ -245,13 +251,13 @@ def _unborn(number: int, colors: Floats) -> PartResult:
         points=np.zeros((0, 2), np.int64),
         colors=colors,
         square=0.0,
+        lack=0.0,
         square_shared=0.0,
         course=np.zeros((0, 2)),
         energy=0.0,
         bias=1.0,
         worst=0.0,
         grown=np.zeros(0, np.int64),
-        full=False,
         more=True,
         shared=np.zeros(0, np.int64),
         cover=np.zeros(0, np.float32),
@@ -260,11 +266,12 @@ def _unborn(number: int, colors: Floats) -> PartResult:
 
 
 def common_goals(states: Sequence[PartResult], aim: float) -> Floats:
-    """`(parts,)` the squared errors that these parts come to at one price, and that add up to `aim`.
+    """`(parts,)` the squared errors that these parts come to at one price, and that add up to `aim`, without
+    what their regions lack that are full.
 
     Parts that no points help, or that have none, stay as they are.
     """
-    square = np.array([state.square for state in states])
+    square = np.array([state.square - state.lack for state in states])
     n = np.array([len(state.points) for state in states])
     moving = np.array([state.more for state in states]) & (n > 0) & (square > 0)
     if not moving.any():

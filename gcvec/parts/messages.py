@@ -20,7 +20,7 @@ from gcvec.loops import network_loops
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-VERSION = 1
+VERSION = 2
 
 _DAMAGES = (
     ValueError,
@@ -57,7 +57,6 @@ class PartRequest:
     goal        the squared error wanted of the part
     shares      of the control points to take out and place anew, turn after turn; 0: to grow
     max_points  of a region, 0: any number
-    some_full   whether a region anywhere has that many
     bias        the error that greedy placement expected of the last round over what it was
     shared      (k,) int64, pixels of the frame that the part shares with others
     wanted      (k, 3) float32, what it is wanted to give to them
@@ -74,7 +73,6 @@ class PartRequest:
     goal: float
     shares: tuple[float, ...]
     max_points: int
-    some_full: bool
     bias: float
     shared: Ints
     wanted: NDArray[np.float32]
@@ -88,12 +86,12 @@ class PartResult:
     points  (n, 2) int64, its control points by rows, in its own frame
     colors  (b + n, 3) its colours
     square  its squared error, and that at shared pixels, which is measured against what was wanted there
+    lack    so much of it there is because regions that may have no more points are worse than wanted
     course  (k, 2) how many points it had, and its squared error, turn after turn
     energy  of its colours, summed
     bias    see `PartRequest`
     worst   its largest absolute error (0-255 scale)
     grown   (g,) int64, its patches that got points
-    full    whether one of its regions has all the points it may have
     more    whether more points would help
     shared  (k,) int64, pixels of the frame that it shares with others
     cover   (k,) float32, the share of them that it covers
@@ -104,13 +102,13 @@ class PartResult:
     points: Ints
     colors: Floats
     square: float
+    lack: float
     square_shared: float
     course: Floats
     energy: float
     bias: float
     worst: float
     grown: Ints
-    full: bool
     more: bool
     shared: Ints
     cover: NDArray[np.float32]
@@ -125,7 +123,7 @@ def request_bytes(request: PartRequest) -> bytes:
         for c, hard in zip(network.curves, request.hard, strict=True)
     ]
     frame = network.width, network.height, *(network.origin or (0, 0))
-    counts = request.number, request.rounds, request.max_points, request.some_full
+    counts = request.number, request.rounds, request.max_points
     return _packed(
         "request",
         frame=np.array([*frame, network.n_nodes, len(network.loops)]),
@@ -156,8 +154,10 @@ def result_bytes(result: PartResult) -> bytes:
         colors=result.colors,
         course=result.course,
         grown=result.grown,
-        counts=np.array([result.number, result.full, result.more], np.int64),
-        figures=np.array([result.square, result.square_shared, result.energy, result.bias, result.worst]),
+        counts=np.array([result.number, result.more], np.int64),
+        figures=np.array(
+            [result.square, result.lack, result.square_shared, result.energy, result.bias, result.worst]
+        ),
         shared=result.shared,
         cover=result.cover,
         given=result.given,
@@ -200,7 +200,7 @@ def _request(file: Any) -> PartRequest:
     network = Network(width, height, n_nodes, curves, network_loops(curves, n_patches), (column, row))
     prior, colors = file["prior"], file["colors"]
     _demand(prior.shape[1:] == (3,) and colors.shape == (len(prior) + len(points), 3))
-    number, rounds, max_points, some_full = file["counts"].tolist()
+    number, rounds, max_points = file["counts"].tolist()
     fair_aim, goal, bias = file["aims"].tolist()
     shared, wanted = file["shared"], file["wanted"]
     _demand(shared.ndim == 1 and wanted.shape == (len(shared), 3))
@@ -216,7 +216,6 @@ def _request(file: Any) -> PartRequest:
         goal=goal,
         shares=tuple(file["shares"].tolist()),
         max_points=max_points,
-        some_full=bool(some_full),
         bias=bias,
         shared=shared,
         wanted=wanted,
@@ -226,8 +225,8 @@ def _request(file: Any) -> PartRequest:
 def _result(file: Any) -> PartResult:
     points, colors = _pairs(file["points"]), file["colors"]
     _demand(colors.shape[1:] == (3,) and len(colors) >= len(points))
-    number, full, more = file["counts"].tolist()
-    square, square_shared, energy, bias, worst = file["figures"].tolist()
+    number, more = file["counts"].tolist()
+    square, lack, square_shared, energy, bias, worst = file["figures"].tolist()
     shared, cover, given = file["shared"], file["cover"], file["given"]
     _demand(shared.ndim == 1 and cover.shape == shared.shape and given.shape == (len(shared), 3))
     course, grown = file["course"], file["grown"]
@@ -237,13 +236,13 @@ def _result(file: Any) -> PartResult:
         points=points,
         colors=colors,
         square=square,
+        lack=lack,
         square_shared=square_shared,
         course=course,
         energy=energy,
         bias=bias,
         worst=worst,
         grown=grown,
-        full=bool(full),
         more=bool(more),
         shared=shared,
         cover=cover,

@@ -80,11 +80,6 @@ class PartRefinement(Refinement):
         """The mean error of a whole picture that is as good as the aim."""
         return self._request.fair_aim
 
-    @property
-    def full(self) -> bool:
-        """Whether a region, here or elsewhere, has as many points as it may have."""
-        return self._request.some_full or super().full
-
     def result(self, more: bool) -> PartResult:
         """The part as it is; `more`: whether more points would help."""
         cover = self._covered()
@@ -95,13 +90,13 @@ class PartRefinement(Refinement):
             points=self.points,
             colors=self.colors,
             square=self._to_square(self.mse),
+            lack=self._to_square(self.lack),
             square_shared=float(np.sum(beside**2, dtype=np.float64)),
             course=np.array(self._course, np.float64).reshape(-1, 2),
             energy=float(self._fit.energy.sum()),
             bias=self.bias,
             worst=float(np.abs(self._residual).max() * 255),
             grown=np.array(sorted(self._grown), np.int64),
-            full=super().full,
             more=more,
             shared=shared,
             cover=cover[shared],

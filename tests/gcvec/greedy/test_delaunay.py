@@ -58,7 +58,7 @@ def test_points_put_in_and_taken_out_again(scene: str) -> None:
 def test_neighbours_agree_and_nothing_folds() -> None:
     start = garden("voronoi", 80)
     start.placement.grow(0.3 * start.placement.error, 400)
-    start.placement.thin_out(60, np.zeros(len(start.foundation.network.loops), bool))
+    start.placement.thin_out(0.2)
     for plot in start.placement.plots:
         for t in alive(plot):
             for space in (plot.domain, plot.image):

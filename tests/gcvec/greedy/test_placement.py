@@ -11,10 +11,6 @@ from gcvec.parallel import use_workers
 from tests.gcvec.greedy.gardens import Garden, alive, garden, painted
 
 
-def unfinished(start: Garden) -> np.ndarray:
-    return np.zeros(len(start.foundation.network.loops), bool)
-
-
 def slow_gain(plot, seats, t: int) -> float:
     """The most that any pixel of a triangle saves, by the formula, one pixel after another."""
     own = np.arange(plot.first[t], plot.last[t])
@@ -50,7 +46,7 @@ def test_the_error_is_that_of_the_picture_it_stands_for(scene: str) -> None:
     (plot,) = start.placement.plots
     rest = start.photo - painted(plot, height) - plot.residual  # borders are straight here
     assert start.placement.grow(0.4 * start.placement.error, 600)
-    start.placement.thin_out(40, unfinished(start))
+    start.placement.thin_out(0.1)
     now = start.photo - painted(plot, height) - rest
     np.testing.assert_allclose(plot.residual, now, atol=2e-4)
     assert start.placement.error == pytest.approx((now**2).sum(), rel=1e-3)
@@ -70,7 +66,7 @@ def test_points_reach_the_goal_and_no_two_share_a_pixel() -> None:
 
 def test_the_least_useful_go_and_their_places_stay_empty() -> None:
     start = garden("quadrants", 200)
-    start.placement.thin_out(50, unfinished(start))
+    start.placement.thin_out(0.25)
     left = {tuple(p) for p in start.placement.result()[0].tolist()}
     gone = {tuple(p) for p in start.points.tolist()} - left
     assert 40 <= len(gone) <= 50
@@ -78,13 +74,56 @@ def test_the_least_useful_go_and_their_places_stay_empty() -> None:
     assert not gone & {tuple(p) for p in start.placement.result()[0].tolist()}
 
 
+def by_patch(start: Garden, points: np.ndarray) -> np.ndarray:
+    patch = start.foundation.geometry.patch_at()[points[:, 1], points[:, 0]]
+    return np.bincount(patch, minlength=len(start.foundation.network.loops))
+
+
 def test_patches_keep_to_their_bound() -> None:
     start = garden("quadrants", 40, left=3)
-    assert start.placement.grow(0.0, 1000)  # until a first one is full
     assert not start.placement.grow(0.0, 1000)
     points, _, new = start.placement.result()
+    assert (by_patch(start, points[new]) == 3).all()
+
+
+def test_what_full_patches_lack_is_not_asked_of_others() -> None:
+    """One patch may have no more points: the others stop about where they would without that."""
+    free, bound = garden("quadrants", 40), garden("quadrants", 40, left=2000)
+    room = bound.placement._room
+    assert room is not None
+    room[0] = 0
+    goal = 0.5 * free.placement.error
+    for start in (free, bound):
+        assert start.placement.grow(goal, 5000)
+    assert free.placement.lack == 0
+    assert free.placement.error <= 1.01 * goal
+    assert bound.placement.error - bound.placement.lack <= 1.01 * goal
+    counts = [by_patch(start, start.placement.result()[0]) for start in (free, bound)]
+    assert counts[0][0] > counts[1][0]
+    assert counts[1][0] == by_patch(bound, bound.points)[0]
+    assert counts[1][1:].sum() == pytest.approx(counts[0][1:].sum(), rel=0.25)
+
+
+def test_the_last_points_of_a_patch_go_where_they_save_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not to whichever strip comes first."""
+    monkeypatch.setattr(begin, "TRIANGLES_A_PLOT", 100)
+    start = garden("ring", 300, left=12)
+    assert len(start.placement.plots) == 4
+    start.placement.grow(0.0, 1000)
+    points, _, new = start.placement.result()
     patch = start.foundation.geometry.patch_at()[points[:, 1], points[:, 0]]
-    assert (np.bincount(patch[new]) == 3).all()
+    assert by_patch(start, points[new])[:2].tolist() == [12, 12]
+    rows = points[new & (patch == 0), 1]
+    assert rows.max() - rows.min() > 60
+
+
+def test_full_patches_exchange_their_own_points() -> None:
+    start = garden("quadrants", 200, left=0)
+    before = by_patch(start, start.points)
+    start.placement.thin_out(0.2)
+    after = by_patch(start, start.placement.result()[0])
+    np.testing.assert_allclose(before - after, 0.2 * before, atol=3)
+    assert (start.placement._room == before - after).all()
 
 
 def test_strips_and_threads(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,19 +145,14 @@ def test_strips_and_threads(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_no_more_go_than_can() -> None:
-    """Not those of finished patches, and no vertex that is none of them."""
+    """No vertex that is no control point, and none about which triangles would fold."""
     start = garden("quadrants", 200)
-    finished = unfinished(start)
-    finished[1:] = True
-    start.placement.thin_out(180, finished)
-    points = start.placement.result()[0]
-    patch_at = start.foundation.geometry.patch_at()
-    before = np.bincount(patch_at[start.points[:, 1], start.points[:, 0]], minlength=len(finished))
-    after = np.bincount(patch_at[points[:, 1], points[:, 0]], minlength=len(finished))
-    assert after[0] < 0.2 * before[0]
-    assert (after[1:] == before[1:]).all()
-    start.placement.thin_out(50, np.ones_like(finished))
-    assert len(start.placement.result()[0]) == len(points)
+    start.placement.thin_out(1.0)
+    assert len(start.placement.result()[0]) < 0.2 * len(start.points)
+    start.placement.thin_out(1.0)
+    assert start.placement.error == pytest.approx(
+        float((start.placement.plots[0].residual ** 2).sum()), rel=0.2
+    )
 
 
 def test_a_plot_without_room_is_no_reason_to_give_up() -> None:

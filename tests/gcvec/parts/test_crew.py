@@ -135,6 +135,7 @@ def state(points: int, square: float, power: float, *, more: bool = True) -> Par
         a_result(),
         points=np.zeros((points, 2), np.int64),
         square=square,
+        lack=0.0,
         course=np.array(course),
         more=more,
     )
@@ -156,3 +157,8 @@ def test_parts_that_nothing_helps_stay_as_they_are() -> None:
     assert common_goals(states, 5.0) == pytest.approx([2.0, 3.0])
     alone = [state(200, 3.0, 1.0, more=False), state(0, 1.0, 1.0)]
     assert common_goals(alone, 1.0) == pytest.approx([3.0, 1.0])
+
+
+def test_what_full_regions_lack_is_asked_of_nobody() -> None:
+    states = [replace(state(1000, 8.0, 1.0), lack=5.0), state(1000, 3.0, 1.0)]
+    assert common_goals(states, 4.0) == pytest.approx([2.0, 2.0])

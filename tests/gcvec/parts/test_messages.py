@@ -38,7 +38,6 @@ def a_request() -> PartRequest:
         goal=12.5,
         shares=(0.0, 0.2),
         max_points=300,
-        some_full=False,
         bias=1.25,
         shared=np.array([3, 4], np.int64),
         wanted=np.full((2, 3), 0.125, np.float32),
