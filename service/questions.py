@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from typing import Any
+from math import inf
+from typing import Any, Final
 
 import redis.asyncio as redis
 from anyio import to_thread
@@ -14,6 +15,9 @@ from kombu.exceptions import OperationalError
 from service.errors import ProblemError, unavailable
 from service.jobs.repository import Changes
 from worker.questions import PENDING, PENDING_SECONDS, Answer, question_key
+
+_LAST_SECONDS: Final = 3.0
+"""An answer is awaited so long when the server is to stop, less than it lets requests take."""
 
 
 class Questions:
@@ -45,11 +49,14 @@ class Questions:
             raise unavailable("the queue cannot be reached") from error
 
     async def _answer(self, key: str, heard: asyncio.Event, seconds: float) -> Answer | None:
+        loop = asyncio.get_running_loop()
         try:
-            async with asyncio.timeout(seconds):
+            async with asyncio.timeout(seconds) as limit:
                 while (text := await self._client.get(question_key(key))) == PENDING:
                     await heard.wait()
                     heard.clear()
+                    if self._changes.stopping:
+                        limit.reschedule(min(limit.when() or inf, loop.time() + _LAST_SECONDS))
         except TimeoutError:
             return None
         return None if text is None else Answer.from_json(text)

@@ -18,6 +18,8 @@ from worker.settings import get_settings
 
 MOST_HEADER_BYTES: Final = 64_000
 """Request line and headers together."""
+STOP_SECONDS: Final = 5
+"""So long after the signal to stop a request may still take."""
 KEEP_ALIVE_SECONDS: Final = 75
 """Longer than clients pause between two looks at a job, and than proxies keep a connection that is idle."""
 
@@ -45,6 +47,18 @@ class BoundedHttp(HttpToolsProtocol):
                 self.send_400_response("Headers too large.")
 
 
+class Server(uvicorn.Server):
+    """Tells the application first when it is to stop: it sends away in good order those who only wait."""
+
+    def __init__(self, app: FastAPI) -> None:
+        super().__init__(configuration(app))
+        self._state = app.state
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._state.services.changes.stop()
+        await super().shutdown(sockets)
+
+
 def configuration(app: FastAPI) -> uvicorn.Config:
     """How the application is served. Its records go where all others go."""
     return uvicorn.Config(
@@ -54,7 +68,7 @@ def configuration(app: FastAPI) -> uvicorn.Config:
         log_config=None,
         log_level="warning",
         access_log=False,
-        timeout_graceful_shutdown=5,
+        timeout_graceful_shutdown=STOP_SECONDS,
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
     )
 
@@ -62,7 +76,7 @@ def configuration(app: FastAPI) -> uvicorn.Config:
 def main() -> None:
     """Serve on HOST:PORT, or on the inherited listening socket whose descriptor is the only argument."""
     logs.start(get_settings())
-    server = uvicorn.Server(configuration(create_app()))
+    server = Server(create_app())
     server.config.load()
     gc.collect()
     gc.freeze()  # what is loaded stays: to look through it again takes 0.2 s, and everybody waits
