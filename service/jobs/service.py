@@ -123,7 +123,11 @@ async def delete(services: Services, job: Job) -> None:
     retention = services.settings.retention.total_seconds()
     canceled = await services.jobs.run(finish(job.id, "canceled", retention=retention, bytes_stored=0))
     await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
-    if not canceled and job.status != "canceled":
+    if canceled:
+        return
+    _, now = await services.jobs.find(job.id)
+    just_canceled = now is not None and now.status == "canceled" and not job.finished  # by another request
+    if not just_canceled:
         await services.jobs.run(retire(job.id))
 
 
