@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from gcvec import Options, vectorize
 from gcvec.errors import pointing_at
@@ -16,6 +16,8 @@ from gcvec.metrics import Report, compare
 from gcvec.parts.crew import Crew
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
+
+_UNUSED_NAME: Final = "image_name is not used: it picks an image in annotations, and none were sent"
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,8 @@ def produce(
         result = vectorize(picture.pixels, regions, options, on_progress, crew if large else None)
     encoded = result.to_bytes()
     report = result.report or compare(picture.pixels, result, len(encoded))
-    warnings = (*picture.warnings, *result.warnings)
+    unused = [_UNUSED_NAME] if annotations is None and names["image_name"] is not None else []
+    warnings = (*unused, *picture.warnings, *result.warnings)
     artifacts = {
         "gcv": encoded,
         "result": json.dumps({**result.description(), "warnings": warnings}).encode(),
