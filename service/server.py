@@ -11,7 +11,7 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from service.app import create_app
+from gcvec.errors import InputError
 from service.sockets import listen
 from worker import logs
 from worker.settings import get_settings
@@ -75,7 +75,13 @@ def configuration(app: FastAPI) -> uvicorn.Config:
 
 def main() -> None:
     """Serve on HOST:PORT, or on the inherited listening socket whose descriptor is the only argument."""
-    logs.start(get_settings())
+    try:
+        logs.start(get_settings())
+    except InputError as error:
+        print(f"gcvec: {error}", file=sys.stderr)
+        sys.exit(2)
+    from service.app import create_app  # whose modules need settings that are right
+
     server = Server(create_app())
     server.config.load()
     gc.collect()

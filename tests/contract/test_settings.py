@@ -55,6 +55,13 @@ def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:
     assert "secret" not in run.stderr
 
 
+def test_the_api_by_itself_names_a_wrong_setting_too() -> None:
+    command = ["env", "GCVEC_STORAGE_URL=/data", sys.executable, "-m", "service.server", "127.0.0.1:0"]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
+    assert run.stderr.startswith("gcvec: GCVEC_STORAGE_URL: must be like file:///folder")
+
+
 @pytest.mark.parametrize(
     "good",
     [
