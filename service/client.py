@@ -95,15 +95,23 @@ class Client:
 
 
 def _content(answer: httpx.Response) -> dict[str, Any]:
-    """The JSON of an answer. Raises InputError or RuntimeError for a problem document."""
-    if answer.is_error:
-        try:
-            problem = answer.json()
-        except ValueError:
-            problem = {"status": answer.status_code, "detail": f"HTTP {answer.status_code}"}
-        raise problem_error(problem)
-    content: dict[str, Any] = answer.json()
-    return content
+    """The JSON of an answer. Raises InputError or RuntimeError for a problem document, or what is no JSON."""
+    try:
+        content: dict[str, Any] = answer.json()
+    except ValueError:
+        raise _stranger(answer) from None
+    if not answer.is_error:
+        return content
+    if answer.headers.get("content-type", "").startswith("application/problem+json"):
+        raise problem_error(content)
+    raise _stranger(answer)
+
+
+def _stranger(answer: httpx.Response) -> InputError | RuntimeError:
+    """What an answer means that is not the service's own: another program's, or a proxy's."""
+    if answer.is_server_error:
+        return RuntimeError(f"the service cannot be reached (HTTP {answer.status_code})")
+    return InputError(f"no gcvec service answers there (HTTP {answer.status_code})", code="no-service")
 
 
 def problem_error(problem: Mapping[str, Any]) -> InputError | RuntimeError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
 
@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from obstore.exceptions import BaseError
 from pydantic import BaseModel
 from redis.exceptions import RedisError
+from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
 
 from gcvec.errors import InputError
@@ -91,8 +92,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def _invalid(_: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
-        pointer = "/" + "/".join(str(part) for part in first["loc"])
-        return answer(problem("invalid-request", first["msg"], pointer))
+        return answer(problem("invalid-request", first["msg"], _pointer(first, error.body)))
 
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> JSONResponse:
@@ -117,6 +117,16 @@ def install(app: FastAPI) -> None:
     async def _unexpected(_: Request, error: Exception) -> JSONResponse:
         logger.error("unexpected error", exc_info=error)
         return answer(problem("internal-error", "the request failed for a reason that was logged"))
+
+
+def _pointer(error: Mapping[str, Any], body: object) -> str:
+    """The part of the request that a validation error is about; a part of a form by its name alone."""
+    place: Sequence[int | str] = error["loc"]
+    if error["type"] == "json_invalid":
+        place = place[:1]  # what follows is a position in the text
+    elif place[0] == "body" and isinstance(body, FormData):
+        place = place[1:]
+    return "/" + "/".join(map(str, place))
 
 
 def _away(detail: str) -> tuple[Problem, Mapping[str, str]]:

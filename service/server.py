@@ -11,13 +11,15 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from service.app import create_app
+from gcvec.errors import InputError
 from service.sockets import listen
 from worker import logs
 from worker.settings import get_settings
 
 MOST_HEADER_BYTES: Final = 64_000
 """Request line and headers together."""
+STOP_SECONDS: Final = 5
+"""So long after the signal to stop a request may still take."""
 KEEP_ALIVE_SECONDS: Final = 75
 """Longer than clients pause between two looks at a job, and than proxies keep a connection that is idle."""
 
@@ -45,6 +47,18 @@ class BoundedHttp(HttpToolsProtocol):
                 self.send_400_response("Headers too large.")
 
 
+class Server(uvicorn.Server):
+    """Tells the application first when it is to stop: it sends away in good order those who only wait."""
+
+    def __init__(self, app: FastAPI) -> None:
+        super().__init__(configuration(app))
+        self._state = app.state
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._state.services.changes.stop()
+        await super().shutdown(sockets)
+
+
 def configuration(app: FastAPI) -> uvicorn.Config:
     """How the application is served. Its records go where all others go."""
     return uvicorn.Config(
@@ -54,15 +68,21 @@ def configuration(app: FastAPI) -> uvicorn.Config:
         log_config=None,
         log_level="warning",
         access_log=False,
-        timeout_graceful_shutdown=5,
+        timeout_graceful_shutdown=STOP_SECONDS,
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
     )
 
 
 def main() -> None:
     """Serve on HOST:PORT, or on the inherited listening socket whose descriptor is the only argument."""
-    logs.start(get_settings())
-    server = uvicorn.Server(configuration(create_app()))
+    try:
+        logs.start(get_settings())
+    except InputError as error:
+        print(f"gcvec: {error}", file=sys.stderr)
+        sys.exit(2)
+    from service.app import create_app  # whose modules need settings that are right
+
+    server = Server(create_app())
     server.config.load()
     gc.collect()
     gc.freeze()  # what is loaded stays: to look through it again takes 0.2 s, and everybody waits

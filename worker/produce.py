@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
 
 from gcvec import Options, vectorize
-from gcvec.errors import pointing_at
+from gcvec.errors import InputError, pointing_at
 from gcvec.export import error_map, patch_overlay
 from gcvec.export.png import png
 from gcvec.io import Picture, check_size, matte_from, read_annotations, read_picture
@@ -16,6 +17,9 @@ from gcvec.metrics import Report, compare
 from gcvec.parts.crew import Crew
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
+
+_OPTION_NAMES: Final = frozenset(option.name for option in fields(Options))
+_UNUSED_NAME: Final = "image_name is not used: it picks an image in annotations, and none were sent"
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ def produce(
     options = replace(Options(**request["options"]), workers=threads(request, settings))
     n_pixels = picture.pixels.shape[0] * picture.pixels.shape[1]
     large = 0 < settings.fan_out_megapixels < n_pixels / 1e6
-    with pointing_at("/image" if annotations is None else "/annotations"):
+    with _pointing_at_options(), pointing_at("/image" if annotations is None else "/annotations"):
         regions = None
         if annotations is not None:
             regions = read_annotations(annotations, **names, limits=bounds)
@@ -54,7 +58,8 @@ def produce(
         result = vectorize(picture.pixels, regions, options, on_progress, crew if large else None)
     encoded = result.to_bytes()
     report = result.report or compare(picture.pixels, result, len(encoded))
-    warnings = (*picture.warnings, *result.warnings)
+    unused = [_UNUSED_NAME] if annotations is None and names["image_name"] is not None else []
+    warnings = (*unused, *picture.warnings, *result.warnings)
     artifacts = {
         "gcv": encoded,
         "result": json.dumps({**result.description(), "warnings": warnings}).encode(),
@@ -64,6 +69,17 @@ def produce(
         "patches": png(patch_overlay(result)),
     }
     return Product(artifacts, warnings, _totals(report))
+
+
+@contextmanager
+def _pointing_at_options() -> Iterator[None]:
+    """Let an error about one of the engine's options point at it in the request."""
+    try:
+        yield
+    except InputError as error:
+        if error.pointer not in _OPTION_NAMES:
+            raise
+        raise InputError(str(error), code=error.code, pointer=f"/options/{error.pointer}") from error
 
 
 def read_photo(image: bytes, request: Mapping[str, Any], settings: Settings) -> Picture:

@@ -43,6 +43,7 @@ EVENTS_KEPT: Final = 10_000
 TOMBSTONE_SECONDS: Final = 30 * 86_400
 TOO_MANY_JOBS: Final = -1
 TOO_MANY_BYTES: Final = -2
+NOT_AWAITED: Final = -1
 
 
 def record_key(job_id: str) -> str:
@@ -215,6 +216,7 @@ return 1
 
 _REVISE = """
 if redis.call('HGET', KEYS[1], 'status') ~= 'succeeded' then return 0 end
+if redis.call('EXISTS', KEYS[2]) == 0 then return -1 end
 return redis.call('HINCRBY', KEYS[1], 'revisions', 1)
 """
 
@@ -301,9 +303,13 @@ def grow(job_id: str, size: int) -> Call:
     return Call(_GROW, (record_key(job_id),), (size,))
 
 
-def revise(job_id: str) -> Call:
-    """The number of a new revision; 0 if the job has no result or is gone."""
-    return Call(_REVISE, (record_key(job_id),), ())
+def revise(job_id: str, question: str) -> Call:
+    """The number of a new revision; 0 if the job has no result or is gone.
+
+    `NOT_AWAITED` if the key of the `question` that asks for it is gone: nobody waits for the edit any more,
+    and who still wants it has asked again.
+    """
+    return Call(_REVISE, (record_key(job_id), question), ())
 
 
 def retire(job_id: str) -> Call:

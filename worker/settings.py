@@ -8,6 +8,7 @@ from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Final, Literal
+from urllib.parse import SplitResult, urlsplit
 
 from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -16,6 +17,7 @@ from gcvec.errors import InputError
 from gcvec.io import Limits
 
 _SHORTEST_KEY: Final = 16
+_DATABASE: Final = re.compile(r"/?\d*")
 
 
 class Settings(BaseSettings):
@@ -87,6 +89,24 @@ class Settings(BaseSettings):
     fan_out_parts: int = Field(default=4, ge=2, le=64, description="parts of a picture that is shared out")
     job_threads: int = Field(default=1, gt=0, description="most threads one job may use")
 
+    @field_validator("broker_url")
+    @classmethod
+    def _redis(cls, url: str) -> str:
+        parts = _parts(url)
+        if parts is None or parts.scheme not in ("redis", "rediss") or not _DATABASE.fullmatch(parts.path):
+            raise ValueError("must be like redis://host:6379/0, or rediss:// for TLS")
+        return url
+
+    @field_validator("storage_url")
+    @classmethod
+    def _folder_or_bucket(cls, url: str) -> str:
+        parts = _parts(url)
+        folder = parts is not None and parts[:2] == ("file", "") and parts.path.startswith("/")
+        bucket = parts is not None and parts.scheme == "s3" and parts.netloc
+        if url and not folder and not bucket:
+            raise ValueError("must be like file:///folder or s3://bucket/prefix")
+        return url
+
     @field_validator("api_keys", "cors_origins", "webhook_pauses", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
@@ -127,6 +147,16 @@ def _shown(default: object) -> str:
     return ",".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts) or "empty"
 
 
+def _parts(url: str) -> SplitResult | None:
+    """The parts of an address; None if it is none. What Python says of such a one could repeat a password."""
+    try:
+        parts = urlsplit(url)
+        _ = parts.port
+    except ValueError:
+        return None
+    return parts
+
+
 def _digest(key: str) -> str:
     """``sha256:HEX`` of a key given so or plain. Raises ValueError, which does not repeat the key."""
     if key.startswith("sha256:"):
@@ -146,7 +176,8 @@ def get_settings() -> Settings:
     except ValidationError as error:
         first = error.errors()[0]
         name = f"GCVEC_{first['loc'][0]}".upper()
-        raise InputError(f"{name}: {first['msg']}", code="bad-option") from None
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(f"{name}: {message}", code="bad-option") from None
 
 
 def limits(settings: Settings) -> Limits:

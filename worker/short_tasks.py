@@ -18,14 +18,15 @@ from worker.app import EDIT, EXPORT, REMOVE, TIDY, app
 from worker.artifacts import EXPORTS, KINDS
 from worker.orphans import may_judge, remove_orphans
 from worker.problems import input_problem, problem
-from worker.questions import Answer, give
-from worker.records import grow, retire, revise
+from worker.questions import Answer, give, question_key
+from worker.records import NOT_AWAITED, grow, retire, revise
 from worker.storage import Manifest
 from worker.workshop import Workshop, workshop
 
 logger = logging.getLogger(__name__)
 
 _GONE = problem("gone", "the job has expired or was deleted")
+_TOO_LATE = problem("unavailable", "no worker has made the edit in time")
 
 
 @app.task(name=EXPORT, acks_late=False)
@@ -37,7 +38,7 @@ def export_image(key: str, job_id: str, revision: int, kind: str, scale: float, 
 @app.task(name=EDIT, acks_late=False)
 def edit_image(key: str, job_id: str, base: int, changes: Mapping[str, Any]) -> None:
     """Make a new revision out of an older one; the answer's value is its number."""
-    _answer(key, job_id, lambda shop: _edit(shop, job_id, base, changes))
+    _answer(key, job_id, lambda shop: _edit(shop, key, job_id, base, changes))
 
 
 @app.task(name=REMOVE)
@@ -88,6 +89,8 @@ def _outcome(shop: Workshop, work: Callable[[Workshop], Answer]) -> Answer:
 def _export(shop: Workshop, job_id: str, revision: int, kind: str, scale: float, name: str) -> Answer:
     from worker.export import export, load_image
 
+    if storage.read_derived(shop.store, job_id, revision, name) is not None:
+        return Answer()  # the question was forgotten while it waited, and asked again
     manifest = storage.read_manifest(shop.store, job_id, revision)
     if manifest is None:
         return Answer(problem=_GONE)
@@ -96,7 +99,7 @@ def _export(shop: Workshop, job_id: str, revision: int, kind: str, scale: float,
     return _kept(shop, job_id, file.size, None)
 
 
-def _edit(shop: Workshop, job_id: str, base: int, changes: Mapping[str, Any]) -> Answer:
+def _edit(shop: Workshop, key: str, job_id: str, base: int, changes: Mapping[str, Any]) -> Answer:
     from worker.edit import edited, revision_files
     from worker.export import load_image
 
@@ -104,7 +107,9 @@ def _edit(shop: Workshop, job_id: str, base: int, changes: Mapping[str, Any]) ->
     if manifest is None:
         return Answer(problem=_GONE)
     files = revision_files(edited(load_image(shop.store, manifest.files["gcv"].path), changes))
-    revision = shop.records.run(revise(job_id))
+    revision = shop.records.run(revise(job_id, question_key(key)))
+    if revision == NOT_AWAITED:
+        return Answer(problem=_TOO_LATE)
     if not revision:
         return Answer(problem=_GONE)
     folder = storage.revision_folder(job_id, revision)

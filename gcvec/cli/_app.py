@@ -102,7 +102,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         return root.main(arguments, prog_name="gcvec", standalone_mode=False) or 0
     except InputError as error:
-        return _complain(f"{error} ({error.pointer})" if error.pointer else str(error), BAD_INPUT)
+        return _complain(_with_place(error), BAD_INPUT)
     except NoArgsIsHelpError as error:
         print(error.message)
         return BAD_INPUT
@@ -129,6 +129,12 @@ def _is_interrupt(error: BaseException | None) -> bool:
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
+
+
+def _with_place(error: InputError) -> str:
+    """The message of an error, and the place that it points at if the message does not hold it."""
+    message = str(error)
+    return message if error.pointer is None or error.pointer in message else f"{message} ({error.pointer})"
 
 
 def _filename(error: OSError) -> str:

@@ -3,21 +3,55 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
-from httpx import HTTPError
+from httpx import URL, HTTPError, InvalidURL
 
 from gcvec.cli._options import EXISTING_FILE, picture_argument, vectorization_options
 from gcvec.cli._progress import progress_bar
+from gcvec.errors import InputError
 from service.client import Client, problem_error
 from worker.artifacts import EXPORTS, KINDS
 
 
+def _checked(_context: click.Context, _parameter: click.Parameter, url: str) -> str:
+    """The address of a service. Raises click.BadParameter if nobody could be called there."""
+    try:
+        parts = URL(url)
+    except InvalidURL as error:
+        raise click.BadParameter(f"{url!r}: {error}") from None
+    if parts.scheme not in ("http", "https") or not parts.host:
+        raise click.BadParameter(f"{url!r} is no address such as http://127.0.0.1:8000")
+    return url
+
+
+@contextmanager
+def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
+    """Let an error that is raised inside name the file, or the service, that it is about."""
+    try:
+        yield
+    except InputError as error:
+        place = error.pointer or "/"
+        if place == "/image":
+            raise InputError(f"{image}: {error}", code=error.code) from error
+        # A place that is no path of the request's is one in the annotations.
+        if annotations is not None and (place == "/annotations" or not place.startswith("/")):
+            pointer = None if place.startswith("/") else place
+            raise InputError(f"{annotations}: {error}", code=error.code, pointer=pointer) from error
+        raise InputError(f"{url}: {error}", code=error.code, pointer=error.pointer) from error
+    except (HTTPError, RuntimeError) as error:
+        raise RuntimeError(f"{url}: {error}") from error
+
+
 @click.command()
 @picture_argument
-@click.option("--url", required=True, help="Where the service runs, e.g. http://127.0.0.1:8000.")
+@click.option(
+    "--url", required=True, callback=_checked, help="Where the service runs, e.g. http://127.0.0.1:8000."
+)
 @click.option(
     "-o",
     "--output",
@@ -40,16 +74,13 @@ def submit(
 ) -> None:
     """Upload a picture to a service, watch the job and download its files."""
     output.mkdir(parents=True, exist_ok=True)
-    try:
-        with Client(url, key) as client:
-            job = client.submit(image, annotations, options)
-            with progress_bar() as on_progress:
-                job = client.follow(job, on_progress)
-            if job["status"] != "succeeded":
-                raise problem_error(job["error"] or {"status": 500, "detail": f"the job was {job['status']}"})
-            for warning in job["warnings"]:
-                print(f"gcvec: warning: {image}: {warning}", file=sys.stderr)
-            for name, kind in (KINDS | EXPORTS).items():
-                client.download(job["links"][name], output / kind.filename)
-    except HTTPError as error:
-        raise RuntimeError(f"{url}: {error}") from error
+    with _naming(image, annotations, url), Client(url, key) as client:
+        job = client.submit(image, annotations, options)
+        with progress_bar() as on_progress:
+            job = client.follow(job, on_progress)
+        if job["status"] != "succeeded":
+            raise problem_error(job["error"] or {"status": 500, "detail": f"the job was {job['status']}"})
+        for warning in job["warnings"]:
+            print(f"gcvec: warning: {image}: {warning}", file=sys.stderr)
+        for name, kind in (KINDS | EXPORTS).items():
+            client.download(job["links"][name], output / kind.filename)

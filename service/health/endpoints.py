@@ -16,11 +16,13 @@ logger = logging.getLogger(__name__)
 router = APIRouter(tags=["health"])
 
 
+@router.head("/livez", include_in_schema=False)
 @router.get("/livez", summary="Is the process alive?")
 async def live() -> dict[str, str]:
     return {"status": "ok"}
 
 
+@router.head("/readyz", include_in_schema=False)
 @router.get("/readyz", summary="Can it take jobs?", responses=documented(503))
 async def ready(services: ServicesDep) -> dict[str, str]:
     """Reaches for the broker and the store."""

@@ -83,6 +83,7 @@ async def list_jobs(
     return JobPage(jobs=[JobView.of(job) for job in shown], next=following)
 
 
+@router.head("/{job_id}", include_in_schema=False)
 @router.get("/{job_id}", summary="Look at a job", responses=documented(401, 403, 404, 410, 422, 429, 503))
 async def get_job(
     job: JobDep,

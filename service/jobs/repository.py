@@ -153,6 +153,18 @@ class Changes:
     def __init__(self, client: redis.Redis) -> None:
         self._client: Any = client
         self._waiting: defaultdict[str, set[asyncio.Event]] = defaultdict(set)
+        self._stopping = False
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the server is about to stop, so that nobody should wait any more."""
+        return self._stopping
+
+    def stop(self) -> None:
+        """Wake everybody who waits: the server is about to stop."""
+        self._stopping = True
+        for topic in self._waiting:
+            self._wake(topic)
 
     @asynccontextmanager
     async def watch(self, job_id: str, *, progress: bool) -> AsyncIterator[asyncio.Event]:

@@ -104,10 +104,11 @@ async def _undo(services: Services, job: Job) -> None:
 
 
 async def wait(services: Services, job: Job, seconds: float) -> Job:
-    """The job as soon as it has finished, or as it is after `seconds`."""
+    """The job as soon as it has finished, or as it is after `seconds` or when the server is to stop."""
+    changes = services.changes
     deadline = time.monotonic() + seconds
-    async with services.changes.watch(job.id, progress=False) as changed:
-        while not job.finished and (left := deadline - time.monotonic()) > 0:
+    async with changes.watch(job.id, progress=False) as changed:
+        while not (job.finished or changes.stopping) and (left := deadline - time.monotonic()) > 0:
             changed.clear()
             _, now = await services.jobs.find(job.id)
             if now is None or now.finished:
@@ -122,12 +123,19 @@ async def delete(services: Services, job: Job) -> None:
     retention = services.settings.retention.total_seconds()
     canceled = await services.jobs.run(finish(job.id, "canceled", retention=retention, bytes_stored=0))
     await to_thread.run_sync(storage.delete_folder, services.store, storage.job_folder(job.id))
-    if not canceled and job.status != "canceled":
+    if canceled:
+        return
+    _, now = await services.jobs.find(job.id)
+    just_canceled = now is not None and now.status == "canceled" and not job.finished  # by another request
+    if not just_canceled:
         await services.jobs.run(retire(job.id))
 
 
 async def stream(services: Services, job: Job, after: int) -> AsyncIterator[bytes]:
-    """Server-sent events: a snapshot, every event numbered above `after`, the final state, the end."""
+    """Server-sent events: a snapshot, every event numbered above `after`, the final state, the end.
+
+    When the server is to stop they end early: clients come back and name the last event they have seen.
+    """
     snapshot = JobView.of(job).model_dump_json()
     yield format_sse_event(event="snapshot", data_str=snapshot, retry=1000)
     async with services.changes.watch(job.id, progress=True) as changed:
@@ -139,6 +147,8 @@ async def stream(services: Services, job: Job, after: int) -> AsyncIterator[byte
                 yield await _encode(services, job, event)
                 if event.kind == "state":
                     return
+            if services.changes.stopping:
+                return
             if not events and not await _wait(changed, _PING_SECONDS):
                 if (await services.jobs.find(job.id))[1] is None:
                     return  # deleted or expired meanwhile

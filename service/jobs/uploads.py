@@ -19,6 +19,7 @@ from service.jobs.schemas import JobOptions, Webhook
 from worker.settings import Settings, limits
 from worker.webhooks import UnsafeTargetError, check_target
 
+_PARTS: Final = ("image", "annotations", "options", "webhook")
 _FORM_OVERHEAD: Final = 1_000_000
 _LARGEST_HELD: Final = 8
 """As much as so many of the largest uploads is held at a time."""
@@ -93,15 +94,15 @@ def _is_utf8(content_type: bytes) -> bool:
 
 
 async def check_parts(request: Request) -> None:
-    """Raise ProblemError for a part that was sent twice: which one is meant is not ours to guess."""
+    """Raise ProblemError for an unknown part or one sent twice: what is meant is not ours to guess."""
     form = await request.form()
     for name, count in Counter(name for name, _ in form.multi_items()).items():
+        shown, pointer = repr(name[:100]), f"/{name[:100]}"
+        if name not in _PARTS:
+            detail = f"there is no part {shown}: the parts are {', '.join(_PARTS)}"
+            raise ProblemError("invalid-request", detail, pointer=pointer)
         if count > 1:
-            raise ProblemError(
-                "invalid-request",
-                f"the part {name[:100]!r} was sent {count} times",
-                pointer=f"/body/{name[:100]}",
-            )
+            raise ProblemError("invalid-request", f"the part {shown} was sent {count} times", pointer=pointer)
 
 
 async def read_file(file: UploadFile, name: str, settings: Settings) -> bytes:

@@ -33,12 +33,14 @@ def _serve(files: StaticFiles, path: str) -> None:
     router.add_route(f"/{path}", static, include_in_schema=False)
 
 
+@router.head("/", include_in_schema=False)
 @router.get("/", include_in_schema=False)
 async def home() -> FileResponse:
     """The upload form."""
     return FileResponse(STATIC / "index.html", headers=_PAGE_HEADERS)
 
 
+@router.head("/v1/jobs/{job_id}/view", include_in_schema=False)
 @router.get("/v1/jobs/{job_id}/view", include_in_schema=False)
 async def view(job_id: str) -> FileResponse:
     """The page of a job, which asks for the job itself."""

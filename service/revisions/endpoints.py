@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import uuid
 
 from fastapi import APIRouter
 
@@ -58,7 +57,7 @@ async def _edit(services: Services, job: Job, edits: Edits) -> int:
     await require_room(services, job.owner)
     changes = edits.model_dump(exclude={"revision"})
     args = [job.id, edits.revision, changes]
-    answer = await services.questions.ask(uuid.uuid4().hex, EDIT, args, _EDIT_SECONDS)
+    answer = await services.questions.ask_alone(EDIT, args, _EDIT_SECONDS)
     if answer is None:
         raise ProblemError("unavailable", "no worker has made the edit in time", headers={"Retry-After": "5"})
     return int(answer.value)

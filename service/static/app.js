@@ -115,3 +115,8 @@ element("forget").addEventListener("click", () => {
 element("image").addEventListener("change", showChoice);
 acceptDrops();
 showRecent();
+window.addEventListener("pageshow", ({ persisted }) => {
+  if (!persisted) return; // the browser went back to the page as it was left: still uploading
+  busy(false);
+  showRecent();
+});

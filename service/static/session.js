@@ -38,11 +38,14 @@ export async function callJson(url, options) {
   return content;
 }
 
-/** A file as a Blob; one that is made on demand is asked for until it is there. */
-export async function callBlob(url) {
+/** A file as a Blob. */
+export const callBlob = async (url) => (await callFile(url)).blob();
+
+/** The answer that holds a file; one that is made on demand is asked for until it is there. */
+export async function callFile(url) {
   for (;;) {
     const answer = await call(url);
-    if (answer.ok) return answer.blob();
+    if (answer.ok) return answer;
     const again = Number(answer.headers.get("Retry-After"));
     if (answer.status !== 409 || !again) throw new Error((await answer.json()).detail);
     await new Promise((resume) => setTimeout(resume, 1000 * again));

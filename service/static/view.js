@@ -1,7 +1,7 @@
 /** The page of one job: its progress while it runs, then its patches. */
 
 import { GcvecView } from "./gcvec.js";
-import { call, callBlob, callJson, eventsOf, hasKey } from "./session.js";
+import { call, callFile, callJson, eventsOf } from "./session.js";
 
 const element = (id) => document.getElementById(id);
 const address = location.pathname.replace(/\/view\/?$/, "");
@@ -138,19 +138,21 @@ function showDownloads(job) {
     const link = Object.assign(document.createElement("a"), { href: job.links[name], download: "" });
     link.append(Object.assign(document.createElement("strong"), { textContent: title }));
     link.append(Object.assign(document.createElement("small"), { textContent: hint }));
-    if (hasKey()) link.onclick = (event) => download(event, job.links[name]);
+    link.onclick = (event) => download(event, job.links[name]);
     const item = document.createElement("li");
     item.append(link);
     element("downloads").append(item);
   }
 }
 
-/** A link cannot send the key. */
+/** A link by itself cannot send the key, nor ask again for a file that is being made. */
 async function download(event, url) {
   event.preventDefault();
-  const link = Object.assign(document.createElement("a"), { download: url.split("/").pop() });
   try {
-    link.href = URL.createObjectURL(await callBlob(url));
+    const answer = await callFile(url);
+    const [, name] = /filename="(.*)"/.exec(answer.headers.get("Content-Disposition")) ?? [];
+    const link = Object.assign(document.createElement("a"), { download: name ?? "" });
+    link.href = URL.createObjectURL(await answer.blob());
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
   } catch (error) {

@@ -37,7 +37,14 @@ def test_no_other_variable_is_read() -> None:
 
 @pytest.mark.contract("5: a wrong setting")
 @pytest.mark.parametrize(
-    "setting", ["GCVEC_MAX_SIDE=wide", "GCVEC_RETENTION=soon", "GCVEC_API_KEYS=short", "GCVEC_MATTE=white"]
+    "setting",
+    [
+        *("GCVEC_MAX_SIDE=wide", "GCVEC_RETENTION=soon", "GCVEC_API_KEYS=short", "GCVEC_MATTE=white"),
+        *("GCVEC_BROKER_URL=amqp://127.0.0.1", "GCVEC_BROKER_URL=127.0.0.1:6379"),
+        *("GCVEC_BROKER_URL=redis://:secret/@127.0.0.1/0", "GCVEC_BROKER_URL=redis://127.0.0.1/x"),
+        *("GCVEC_STORAGE_URL=/data", "GCVEC_STORAGE_URL=ftp://host/data", "GCVEC_STORAGE_URL=file://data"),
+        "GCVEC_STORAGE_URL=s3:///prefix",
+    ],
 )
 def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:
     command = [sys.executable, "-m", "gcvec.cli", "serve", "--port", "0", "--data", str(tmp_path / "data")]
@@ -45,6 +52,30 @@ def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.count("\n") == 1
     assert setting.partition("=")[0] in run.stderr
+    assert "secret" not in run.stderr
+
+
+def test_the_api_by_itself_names_a_wrong_setting_too() -> None:
+    command = ["env", "GCVEC_STORAGE_URL=/data", sys.executable, "-m", "service.server", "127.0.0.1:0"]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
+    assert run.stderr.startswith("gcvec: GCVEC_STORAGE_URL: must be like file:///folder")
+
+
+@pytest.mark.parametrize(
+    "good",
+    [
+        *(
+            {"broker_url": f"{start}/0"}
+            for start in ("redis://h:6379", "rediss://me:secret@h", "redis://[::1]")
+        ),
+        *({"broker_url": url} for url in ("redis://", "redis://h", "redis://h/?health_check_interval=5")),
+        *({"storage_url": url} for url in ("", "file:///data", "s3://bucket", "s3://bucket/prefix")),
+    ],
+    ids=str,
+)
+def test_every_address_that_can_be_used_is_accepted(good: dict[str, str]) -> None:
+    assert Settings(**good)  # type: ignore[arg-type]
 
 
 @pytest.mark.service

@@ -61,9 +61,10 @@ def test_with_a_key_everything_works(
         assert expected <= set(page.requests)
 
         page.evaluate("document.querySelector('#downloads a[href$=\"result.svg\"]').click()")
-        eventually((tmp_path / "result.svg").exists, 30)
         answer = httpx.get(f"{address}/result.svg", headers={"Authorization": f"Bearer {KEY}"})
-        eventually(lambda: (tmp_path / "result.svg").read_bytes() == answer.content)
+        svg = tmp_path / answer.headers["content-disposition"].split('"')[1]
+        eventually(svg.exists, 30)
+        eventually(lambda: svg.read_bytes() == answer.content)
 
         page.open(f"{locked_service.url}/")
         page.wait_for("document.querySelector('#jobs img')")

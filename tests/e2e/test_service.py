@@ -179,7 +179,8 @@ def test_the_command_line_client_names_what_is_wrong(
     done = gcvec_submit(running_service, tmp_path, "photo.png", "-a", "broken.xml")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
-    assert "broken annotations" in done.stderr
+    assert done.stderr.startswith("gcvec: broken.xml: broken annotations")
+    assert done.stderr.count("line 1") == 1
 
 
 def gcvec_submit(service: RunningService, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -13,11 +13,10 @@ from typing import Any
 
 import httpx
 import pytest
-import uvicorn
 from PIL import Image
 
 from service.app import create_app
-from service.server import configuration
+from service.server import Server
 from tests.conftest import client_of
 from worker import storage
 from worker.artifacts import KINDS
@@ -42,7 +41,7 @@ def api(settings: Settings) -> Iterator[httpx.Client]:
 def serving(settings: Settings, host: str = "127.0.0.1") -> Iterator[httpx.Client]:
     """The application on a free port, served from a thread of this process."""
     listener = socket.create_server((host, 0))
-    server = uvicorn.Server(configuration(create_app(settings)))
+    server = Server(create_app(settings))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
     thread.start()
     try:

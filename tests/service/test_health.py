@@ -4,7 +4,16 @@ from pathlib import Path
 
 import httpx
 
+from tests.service.conftest import Jobs
 from tests.service.test_submit import refused
+
+
+def test_who_asks_for_the_headers_gets_them_alone(api: httpx.Client, jobs: Jobs) -> None:
+    job = f"/v1/jobs/{jobs.submit()}"
+    for path in ("/", "/livez", "/readyz", job, f"{job}/view"):
+        answer = api.head(path)
+        assert (answer.status_code, answer.content) == (200, b"")
+        assert answer.headers["content-type"] == api.get(path).headers["content-type"]
 
 
 def test_without_its_folder_the_service_is_not_ready(api: httpx.Client, tmp_path: Path) -> None:

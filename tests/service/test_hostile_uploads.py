@@ -216,15 +216,18 @@ def test_numbers_that_are_none_are_refused(api: httpx.Client, options: str, poin
         ("image", part("image", png(31, 20), "b.png")),
         ("annotations", part("annotations", b"", "b.xml")),
         ("options", part("options", b'{"regions": 3}')),
+        ("annotation", part("annotation", cvat(), "a.xml")),
+        ("", part("", b"")),
         ("x" * 100, part("x" * 200, b"") * 2),
     ],
 )
-def test_a_part_that_comes_twice_is_refused(
+def test_a_part_that_comes_twice_or_is_not_known_is_refused(
     api: httpx.Client, tmp_path: Path, name: str, second: bytes
 ) -> None:
     parts = (part("image", png(), "a.png"), part("annotations", cvat(), "a.xml"), part("options", b"{}"))
     problem = refused(post(api, form(*parts, second)), 422, "invalid-request")
-    assert problem["pointer"] == f"/body/{name}"
+    assert problem["pointer"] == f"/{name}"
+    assert repr(name) in problem["detail"]
     assert files_in(tmp_path / "storage") == []
 
 

@@ -67,9 +67,11 @@ def test_of_many_at_once_one_makes_the_job(api: httpx.Client) -> None:
 
 def test_a_key_whose_job_was_deleted_says_so(api: httpx.Client, jobs: Jobs) -> None:
     job = submit(api, "k").json()
-    for _ in range(2):  # cancels, then removes nothing more: a cancelled job can still be looked at
-        api.delete(job["links"]["self"])
+    api.delete(job["links"]["self"])
     assert submit(api, "k").json()["status"] == "canceled"
+    api.delete(job["links"]["self"])
+    answer = submit(api, "k")
+    assert (answer.status_code, answer.json()["type"]) == (410, "urn:gcvec:problem:gone")
 
 
 def test_a_request_that_is_never_finished_blocks_its_key_for_a_minute(settings: Settings) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from pathlib import Path
@@ -7,10 +8,13 @@ from pathlib import Path
 import httpx
 import pytest
 
+from service.app import create_app
+from service.jobs.service import delete
 from tests.service.conftest import Jobs
 from tests.service.test_submit import refused
 from worker.problems import problem
 from worker.records import claim, finish, report
+from worker.settings import Settings
 
 
 def test_an_unknown_job_is_not_found(api: httpx.Client) -> None:
@@ -70,7 +74,30 @@ def test_deleting_a_queued_job_cancels_it(api: httpx.Client, jobs: Jobs, tmp_pat
     assert api.get(f"/v1/jobs/{job_id}/result").status_code == 409
     assert not (tmp_path / "storage/jobs" / job_id).exists()
     assert jobs.records.run(claim(job_id)) == 0
+
+
+def test_deleting_a_canceled_job_removes_it(api: httpx.Client, jobs: Jobs) -> None:
+    job_id = jobs.submit()
     assert api.delete(f"/v1/jobs/{job_id}").status_code == 204
+    assert api.delete(f"/v1/jobs/{job_id}").status_code == 204
+    refused(api.get(f"/v1/jobs/{job_id}"), 410, "gone")
+    refused(api.delete(f"/v1/jobs/{job_id}"), 410, "gone")
+    assert api.get("/v1/jobs").json()["jobs"] == []
+
+
+def test_of_two_who_cancel_at_a_time_none_removes(api: httpx.Client, jobs: Jobs, settings: Settings) -> None:
+    job_id = jobs.submit()
+    as_both_saw_it = jobs.records.get(job_id)
+    assert as_both_saw_it is not None
+
+    async def cancel_twice() -> None:
+        app = create_app(settings)
+        async with app.router.lifespan_context(app):
+            await delete(app.state.services, as_both_saw_it)
+            await delete(app.state.services, as_both_saw_it)
+
+    asyncio.run(cancel_twice())
+    assert api.get(f"/v1/jobs/{job_id}").json()["status"] == "canceled"
 
 
 def test_deleting_a_finished_job_removes_it(api: httpx.Client, jobs: Jobs, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from service.jobs.repository import Changes
 from service.jobs.repository import connect as connect_async
 from service.questions import Questions
 from tests.conftest import client_of
-from worker.app import EXPORT, SHORT_QUEUE, create_celery
+from worker.app import EDIT, EXPORT, SHORT_QUEUE, create_celery
 from worker.problems import problem
 from worker.questions import Answer, give, question_key
 from worker.settings import Settings
@@ -66,3 +66,18 @@ def test_an_answer_that_does_not_come_is_not_awaited_for_ever(settings: Settings
 def test_an_answer_is_read_as_it_was_given() -> None:
     for answer in (Answer({"a": [1]}), Answer(problem=problem("gone", "away", "/x"))):
         assert Answer.from_json(answer.to_json()) == answer
+
+
+def test_who_gives_up_asking_alone_takes_the_question_back(settings: Settings) -> None:
+    client = client_of(settings.broker_url)
+
+    async def one(questions: Questions) -> Answer | None:
+        asked = asyncio.create_task(questions.ask_alone(EDIT, ["x"], 1.0))
+        await asyncio.sleep(0.4)
+        (key,) = client.keys(question_key("*"))
+        assert 0 < client.pttl(key) < 600  # forgotten by itself, were the asker to die, before it gives up
+        return await asked
+
+    assert asking(settings, one) is None
+    assert client.keys(question_key("*")) == []
+    assert client.llen(SHORT_QUEUE) == 1

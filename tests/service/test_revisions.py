@@ -31,6 +31,13 @@ def test_edits_that_make_no_sense_are_refused(
     assert (answer.status_code, answer.json()["pointer"]) == (422, pointer)
 
 
+@pytest.mark.parametrize("text", ["", "{", '{"moves": [}'])
+def test_edits_that_are_no_json_are_refused(api: httpx.Client, jobs: Jobs, text: str) -> None:
+    headers = {"Content-Type": "application/json"}
+    answer = api.post(f"/v1/jobs/{jobs.finished()}/edits", content=text, headers=headers)
+    assert (answer.status_code, answer.json()["pointer"]) == (422, "/body")
+
+
 def test_what_is_not_there_cannot_be_edited(api: httpx.Client, jobs: Jobs) -> None:
     assert api.post(f"/v1/jobs/{'0' * 32}/edits", json={}).status_code == 404
     assert api.post(f"/v1/jobs/{jobs.submit()}/edits", json={}).status_code == 409

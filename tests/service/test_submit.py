@@ -62,7 +62,7 @@ def test_the_message_is_a_job_id_and_nothing_large_is_in_redis(api: httpx.Client
         ({"image": IMAGE, "annotations": ("a.xml", b"<annotations>")}, 422, "broken-annotations", ...),
         ({"image": IMAGE, "annotations": ("a.xml", cvat(width=31))}, 422, "size-mismatch", "/annotations"),
         ({"image": IMAGE, "annotations": ("a.xml", b"<annotations/>")}, 422, "unknown-image", "/annotations"),
-        ({"annotations": ("a.xml", cvat())}, 422, "invalid-request", "/body/image"),
+        ({"annotations": ("a.xml", cvat())}, 422, "invalid-request", "/image"),
     ],
 )
 def test_unusable_uploads_are_refused(
@@ -102,6 +102,21 @@ def test_the_image_must_be_in_the_annotations_when_it_is_named(api: httpx.Client
     assert api.post("/v1/jobs", files=files).status_code == 202
     answer = api.post("/v1/jobs", files=files, data={"options": '{"image_name": "b.png"}'})
     assert "b.png" in refused(answer, 422, "unknown-image")["detail"]
+
+
+@pytest.mark.parametrize(
+    ("request_of", "pointer"),
+    [
+        ({}, "/image"),
+        ({"json": {}}, "/image"),
+        ({"data": {"image": "text"}}, "/image"),
+        ({"files": {"image": IMAGE, "options": ("o.json", b"{}")}}, "/options"),
+    ],
+)
+def test_a_part_that_is_missing_or_of_another_kind_is_named(
+    api: httpx.Client, request_of: dict[str, Any], pointer: str
+) -> None:
+    assert refused(api.post("/v1/jobs", **request_of), 422, "invalid-request")["pointer"] == pointer
 
 
 def test_a_body_beyond_every_limit_is_refused_while_it_streams(api: httpx.Client) -> None:

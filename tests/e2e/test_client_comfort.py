@@ -1,0 +1,78 @@
+"""The pages on small screens, after the browser's Back, and while a file is still being made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.browser import Browser
+from tests.conftest import RunningService
+from tests.service.conftest import png
+
+pytestmark = [pytest.mark.browser, pytest.mark.service]
+
+
+@pytest.fixture(scope="module")
+def job(running_service: RunningService) -> str:
+    """The address of a job that has succeeded."""
+    answer = httpx.post(f"{running_service.url}/v1/jobs", files={"image": ("a.png", png())})
+    address = running_service.url + answer.headers["location"]
+    while (ended := httpx.get(f"{address}?wait=30", timeout=40).json())["status"] in ("queued", "running"):
+        pass
+    assert ended["status"] == "succeeded", ended
+    return address
+
+
+@pytest.mark.parametrize("width", [320, 375, 414])
+def test_the_sheets_are_all_on_the_screen_of_a_phone(browser: Browser, job: str, width: int) -> None:
+    with browser.page(width, 640, touch=True) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        for number in range(2):
+            menu = f"document.querySelectorAll('details.menu')[{number}]"
+            page.evaluate(f"{menu}.open = true")
+            box = page.evaluate(f"{menu}.querySelector('.sheet').getBoundingClientRect().toJSON()")
+            assert box["width"] > 200
+            assert box["left"] >= 0
+            assert box["right"] <= width
+            page.evaluate(f"{menu}.open = false")
+
+
+def test_the_form_lives_again_when_the_browser_goes_back_to_it(
+    browser: Browser, running_service: RunningService
+) -> None:
+    with browser.page(900, 700) as page:
+        page.open(f"{running_service.url}/")
+        recent = f"{running_service.url}/v1/jobs?limit=12"
+        never = "(real) => (url, more) => more.method ? new Promise(() => {}) : real(url, more)"
+        page.evaluate(f"fetch = ({never})(fetch); 0")
+        page.evaluate(
+            "document.getElementById('form').dispatchEvent(new Event('submit', { cancelable: true }))"
+        )
+        page.wait_for("document.getElementById('submit').disabled")
+        before = page.requests.count(recent)
+        page.evaluate("dispatchEvent(new PageTransitionEvent('pageshow', { persisted: true }))")
+        page.wait_for("!document.getElementById('submit').disabled")
+        assert page.evaluate("document.getElementById('submit').textContent") == "Vectorize"
+        assert page.requests.count(recent) == before + 1
+
+
+def test_a_download_waits_for_a_file_that_is_being_made(
+    browser: Browser, job: str, tmp_path: Path, eventually: Callable[..., None]
+) -> None:
+    busy = "new Response('{}', { status: 409, headers: { 'Retry-After': '1' } })"
+    first = f"(real) => (url, more) => url.endsWith('.pdf') && !asked++ ? {busy} : real(url, more)"
+    with browser.page(900, 700) as page:
+        page.send("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        page.evaluate(f"window.asked = 0; fetch = ({first})(fetch); 0")
+        page.evaluate("document.querySelector('#downloads a[href$=\".pdf\"]').click()")
+        made = httpx.get(f"{job}/result.pdf")
+        file = tmp_path / made.headers["content-disposition"].split('"')[1]
+        eventually(file.exists, 30)
+        eventually(lambda: file.read_bytes() == made.content)
+        assert page.evaluate("asked") == 2

@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+import pytest
+
+from gcvec.errors import InputError
+from tests.service.conftest import cvat, png
+from worker.produce import Product, produce
+from worker.settings import Settings
+
+
+def produced(annotations: bytes | None = None, image_name: str | None = None, **options: object) -> Product:
+    request = {"image_name": image_name, "picture_name": "a.png", "options": options}
+    return produce(png(), annotations, request, Settings(), lambda _: None)
+
+
+def test_a_name_that_picks_nothing_is_warned_of() -> None:
+    assert any("image_name" in warning for warning in produced(image_name="a.png").warnings)
+    assert not any("image_name" in warning for warning in produced(cvat(), "a.png").warnings)
+
+
+def test_an_option_that_cannot_be_met_is_pointed_at() -> None:
+    with pytest.raises(InputError) as caught:
+        produced(target_bytes=10)
+    assert caught.value.pointer == "/options/target_bytes"

@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import time
+import uuid
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcvec import vectorize
+from tests.conftest import client_of
+from worker import short_tasks, storage
+from worker.artifacts import KINDS
+from worker.questions import PENDING, Answer, question_key
+from worker.records import Job, JobRecords, record_key
+from worker.settings import Settings
+from worker.storage import Manifest
+from worker.workshop import Workshop
+
+KEY = "a-question"
+
+
+@pytest.fixture
+def shop(broker_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workshop:
+    client = client_of(broker_url)
+    client.flushall()
+    settings = Settings(broker_url=broker_url, data_dir=tmp_path)
+    records = JobRecords(client)
+    shop = Workshop(settings, storage.open_store(settings.storage), client, records, records)
+    monkeypatch.setattr(short_tasks, "workshop", lambda: shop)
+    return shop
+
+
+@pytest.fixture
+def job_id(shop: Workshop) -> str:
+    """A job that has succeeded; its result is one even region."""
+    job = Job(id=uuid.uuid4().hex, owner="me", status="succeeded", created_at=time.time())
+    shop.client.hset(record_key(job.id), mapping=job.to_fields())
+    image = vectorize(np.full((8, 8, 3), 90, np.uint8)).to_bytes()
+    path = f"{storage.attempt_folder(job.id, 1)}/{KINDS['gcv'].filename}"
+    assert storage.commit(shop.store, job.id, Manifest(1, {"gcv": storage.write(shop.store, path, image)}))
+    return job.id
+
+
+def recolor(shop: Workshop, job_id: str) -> Answer:
+    changes: dict[str, Any] = {"moves": [], "recolors": [{"patch": 0, "color": "#ff0000"}]}
+    short_tasks.edit_image(KEY, job_id, 0, changes)
+    return Answer.from_json(str(shop.client.get(question_key(KEY))))
+
+
+def revisions(shop: Workshop, job_id: str) -> int:
+    job = shop.records.get(job_id)
+    assert job is not None
+    return job.revisions
+
+
+def test_an_edit_that_is_awaited_is_made(shop: Workshop, job_id: str) -> None:
+    shop.client.set(question_key(KEY), PENDING)
+    assert recolor(shop, job_id) == Answer(1)
+    assert storage.read_manifest(shop.store, job_id, 1) is not None
+
+
+def test_an_edit_that_nobody_waits_for_any_more_is_not_made(shop: Workshop, job_id: str) -> None:
+    problem = recolor(shop, job_id).problem
+    assert problem is not None
+    assert problem.code == "unavailable"
+    assert revisions(shop, job_id) == 0
+    assert storage.read_manifest(shop.store, job_id, 1) is None
+
+
+def test_a_file_that_was_made_meanwhile_is_not_made_again(shop: Workshop, job_id: str) -> None:
+    for _ in range(2):
+        short_tasks.export_image(KEY, job_id, 0, "svg", 1.0, "image.svg")
+        assert Answer.from_json(str(shop.client.get(question_key(KEY)))) == Answer()
+    file = storage.read_derived(shop.store, job_id, 0, "image.svg")
+    job = shop.records.get(job_id)
+    assert file is not None
+    assert job is not None
+    assert job.bytes == file.size
