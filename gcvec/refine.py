@@ -95,6 +95,8 @@ def refine_batch(
             break
         more = state.catch_up()
         filed = settled()
+    if filed.mse > target_mse + state.lack and state.fall_back():
+        filed = settled()
     return filed.data, filed.image
 
 

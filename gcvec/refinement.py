@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,9 @@ IDLE_ROUNDS = 2
 """With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
 the number of points are the last."""
 
+FEW_A_PIXEL = 1 / 32
+"""With this many points a pixel or fewer nobody asks whether they are worth it."""
+
 SHIFTS = 0.35, 0.65
 """Where strips of the picture are cut, in turn: nothing changes along a cut."""
 
@@ -122,6 +126,16 @@ class Start:
     colors: Floats
     rounds: int
     lack: float = 0.0
+
+
+class _Best(NamedTuple):
+    """The best bargain so far: what `Refinement._bargain` says of it, control points, colours, and what full
+    regions lack."""
+
+    bargain: float
+    points: Ints
+    colors: Floats
+    lack: float
 
 
 def error_before_rounding(target_mse: float, steps: Quantization, energy: float, loss: float = LOSS) -> float:
@@ -173,6 +187,7 @@ class Refinement:
         self._max_points = terms.max_points
         self._on_step = on_step
         self._clock = clock
+        self._best: _Best | None = None
         self._blocked = ~room(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
         self._iteration = start.rounds
         self._update()
@@ -229,6 +244,25 @@ class Refinement:
             if idle_rounds == IDLE_ROUNDS:
                 return False
 
+    def fall_back(self) -> bool:
+        """Go back to the points that were a better bargain than those there are, if some were: where the aim
+        cannot be reached, an error that has fallen by less than a small power of the number of points is not
+        worth them."""
+        if self._best is None or self._best.bargain >= self._bargain():
+            return False
+        self.points, self.colors, self.lack = self._best.points, self._best.colors, self._best.lack
+        self._update()
+        return True
+
+    def _remember(self) -> None:
+        bargain = self._bargain()
+        if self._best is None or bargain < self._best.bargain:
+            self._best = _Best(bargain, self.points, self.colors, self.lack)
+
+    def _bargain(self) -> float:
+        n = max(len(self.points), FEW_A_PIXEL * len(self._truth))
+        return float(self.mse * n**LEAST_RETURN)
+
     def catch_up(self) -> bool:
         """Place the points that are missing. False when no more points help."""
         return self.turn_over(0.0, expected=self._foreseen(SETTLED * self.aim, growing=False))
@@ -240,6 +274,7 @@ class Refinement:
         points help.
         """
         n = len(self.points)
+        self._remember()
         with self._clock.stage("evaluation"):
             expected = expected or self._foreseen(self.aim, growing=not share)
             goal = self._to_square(expected)

@@ -7,6 +7,7 @@ they buy most; between two thresholds colours adapt and every triangle is looked
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -273,7 +274,7 @@ class Placement:
                 return True
             if not len(gain):
                 return False
-            wanted = int(EAGER * _how_many(gain, lambda price: full.missing(self.error, goal, price)))
+            wanted = int(EAGER * _how_many(gain, partial(full.missing, self.error, goal)))
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
             threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
             new, stuck = self._place([self._best(q, threshold) for q in queues])
