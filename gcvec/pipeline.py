@@ -29,7 +29,7 @@ from gcvec.refine_bytes import refine_to_bytes
 from gcvec.refine_paper import refine_paper
 from gcvec.refinement import Step
 from gcvec.scene import Scene, Terms
-from gcvec.segment import segment
+from gcvec.segment import CLEAR_STEP, FAINT_STEP, segment
 from gcvec.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -123,7 +123,8 @@ def _regions(
     pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None, options: Options
 ) -> Partition:
     if annotations is None:
-        return segment(pixels, options.regions)
+        # Where regions are bounded, more of them hold more control points.
+        return segment(pixels, options.regions, FAINT_STEP if options.max_points else CLEAR_STEP)
     height, width = pixels.shape[:2]
     regions = partition(annotations, width, height)
     return replace(regions, labels=snap_borders(regions.labels, picture, options.snap))

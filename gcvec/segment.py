@@ -17,8 +17,9 @@ REGION = "region"
 _SEED_PIXELS = 1_000_000
 """Basins are found on a picture reduced to this size; their borders in the picture itself."""
 
-_BORDER_STEP = 14.0
-"""The colour step, levels, at which a long border saves as much as it costs."""
+CLEAR_STEP, FAINT_STEP = 28.0, 14.0
+"""The colour step, levels, at which a long border saves as much as it costs; and a lower one, for many
+regions where none may have many control points."""
 
 _TEXTURE_SHARE = 0.4
 """The share of the mean squared step around a place that counts as texture, not as an edge."""
@@ -29,17 +30,18 @@ _TEXTURE_WINDOW = 21
 _Colours = NDArray[np.float32]
 
 
-def segment(pixels: NDArray[np.uint8], regions: int = 0) -> Partition:
+def segment(pixels: NDArray[np.uint8], regions: int = 0, least_step: float = FAINT_STEP) -> Partition:
     """Divide `pixels (h, w, 3)` along image edges.
 
-    The number of regions follows from the picture, one if it holds no edge; or it is `regions`, less only if
-    the picture has fewer basins. Borders lie where the colour changes most. Deterministic.
+    The number of regions follows from the picture, one if it holds no edge of `least_step` levels or more; or
+    it is `regions`, less only if the picture has fewer basins. Borders lie where the colour changes most.
+    Deterministic.
     """
     colours = pixels.astype(np.float32)
     scale = max(round(np.sqrt(colours[..., 0].size / _SEED_PIXELS)), 1)
     basins = _basins(colours, scale)
     steepness = _steepness(colours, scale)
-    borders = _borders(basins, colours, steepness, scale)
+    borders = _borders(basins, colours, steepness, scale, least_step)
     groups = merged(borders, np.bincount(basins.ravel()), regions)
     labels = connected_components(groups.astype(np.int32)[basins])
     return Partition(labels, (REGION,) * (int(labels.max()) + 1))
@@ -81,16 +83,21 @@ def _markers(colours: _Colours, scale: int) -> NDArray[np.int32]:
 
 
 def _borders(
-    basins: NDArray[np.int32], colours: _Colours, steepness: NDArray[np.float32], scale: int
+    basins: NDArray[np.int32],
+    colours: _Colours,
+    steepness: NDArray[np.float32],
+    scale: int,
+    least_step: float,
 ) -> Borders:
-    """The borders of the basins, with the colour step across them beyond what the texture around explains."""
+    """The borders of the basins, with the colour step across them beyond what the texture around explains, in
+    units of the least one."""
     smooth = np.asarray(ndimage.gaussian_filter(colours, (scale, scale, 0), mode="nearest"), np.float32)
     around = ndimage.uniform_filter(np.square(steepness), _TEXTURE_WINDOW * scale)
     texture = np.asarray(_TEXTURE_SHARE * around, np.float32)
     parts = [_cracks(basins, smooth, texture, scale)]
     parts.append(_cracks(basins.T, smooth.transpose(1, 0, 2), texture.T, scale))
     origin, target, step = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return borders_between(origin, target, step / _BORDER_STEP)
+    return borders_between(origin, target, step / least_step)
 
 
 def _cracks(
