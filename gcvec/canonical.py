@@ -69,7 +69,7 @@ class Canvas:
     def operator(self, drawing: Drawing) -> tuple[sparse.csr_array, Ints]:
         """R from unknowns to colours, and which colour each corner of the drawing's triangles has."""
         f = self.foundation
-        return f.space.operator(f.network, drawing, self.mesh, self.blend)
+        return f.space.operator(f.network, f.samples, drawing, self.mesh, self.blend)
 
     @cached_property
     def unit(self) -> tuple[Drawing, sparse.csr_array, Ints]:

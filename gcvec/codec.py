@@ -52,7 +52,9 @@ GRAY = 0.5
 """The colour that boundary colours are differences from."""
 
 MAGIC = b"GCV"
-VERSION = 2
+VERSION = 3
+READABLE = 2, 3
+"""Files of version 2 hold the same; they were drawn with colours that differ a little between samples."""
 
 
 def encode(image: VectorImage) -> bytes:
@@ -70,18 +72,24 @@ def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
         stream = entropy.finish(coder)
         if stream is not None:
             stream = stream.ljust(shortest_stream(image.width, image.height, n_points, n_text), b"\0")
-            data = MAGIC + bytes([VERSION]) + struct.pack("<I", zlib.crc32(stream)) + stream
-            return data, boundary_colors, point_colors
+            return sealed(stream), boundary_colors, point_colors
         capacity *= 4
+
+
+def sealed(stream: bytes, version: int = VERSION) -> bytes:
+    """The file with this stream: letters, version, and a checksum, which covers the version since it is 3."""
+    number = bytes([version])
+    checksum = zlib.crc32(stream, zlib.crc32(number) if version > 2 else 0)
+    return MAGIC + number + struct.pack("<I", checksum) + stream
 
 
 def decode(data: bytes) -> VectorImage:
     """The vector image of a file; `InputError` when the file is not whole."""
     if data[:3] != MAGIC:
         raise InputError("not a gcvec file", code="broken-gcv")
-    if len(data) < 8 or data[3] != VERSION:
+    if len(data) < 8 or data[3] not in READABLE:
         raise InputError("a gcvec file of a version this program does not know", code="broken-gcv")
-    if zlib.crc32(data[8:]) != struct.unpack("<I", data[4:8])[0]:
+    if data != sealed(data[8:], data[3]):
         raise InputError("the file is damaged or cut short", code="broken-gcv")
     coder = entropy.reader(data[8:])
     try:

@@ -20,6 +20,7 @@ from gcvec.kernels import bare_kernel, kernel
 from gcvec.mesh import Mesh
 from gcvec.patch import Blend
 from gcvec.planar_graph import OUTSIDE
+from gcvec.samples import BoundarySamples
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,7 +46,7 @@ class ColorSpace:
     n_patches: int
 
     def operator(
-        self, network: Network, drawing: Drawing, mesh: Mesh, blend: Blend
+        self, network: Network, samples: BoundarySamples, drawing: Drawing, mesh: Mesh, blend: Blend
     ) -> tuple[sparse.csr_array, Ints]:
         """R `(n, unknowns)` from unknowns to colours, and which colour `(t, 3)` each corner of a triangle
         has.
@@ -57,18 +58,15 @@ class ColorSpace:
         index, vertex, patch = boundary_corners(
             drawing.triangles, drawing.patch, drawing.n_samples, drawing.n_vertices
         )
-        curve = drawing.curve[vertex]
-        side = np.where(left[curve] == patch, LEFT, RIGHT)
-        boundary = self.of_control[side[:, None], drawing.control[vertex]]
-        at_node = curve < 0
-        key = vertex[at_node] * self.n_patches + patch[at_node]
-        boundary[at_node] = self.of_node[np.searchsorted(self.node_keys, key)][:, None]
+        n_own = int(np.searchsorted(vertex, drawing.n_samples))
+        own = self._of_samples(left, samples, vertex[:n_own], patch[:n_own])
+        between = self._of_points_between(left, samples, drawing, vertex[n_own:], patch[n_own:])
 
         n_points = mesh.n_points
         owner = np.repeat(np.arange(len(network.curves)), np.diff(network.offsets))
         parts = blend.boundary, blend.points
-        filled = sum(part.nnz for part in parts)
-        columns = np.empty(n_points + filled + 4 * len(vertex), np.int32)
+        filled = n_points + sum(part.nnz for part in parts)
+        columns = np.empty(filled + own[0].size + between[0].size, np.int32)
         values = np.empty(len(columns))
         columns[:n_points], values[:n_points] = self.size + np.arange(n_points), 1
         _mix_free(
@@ -80,13 +78,35 @@ class ColorSpace:
             columns[n_points:],
             values[n_points:],
         )
-        columns[n_points + filled :] = boundary.ravel()
-        values[n_points + filled :] = drawing.weight[vertex].ravel()
+        columns[filled:] = np.concatenate([own[0].ravel(), between[0].ravel()])
+        values[filled:] = np.concatenate([own[1].ravel(), between[1].ravel()])
         free_start = n_points + blend.boundary.indptr + blend.points.indptr
-        vertex_start = n_points + filled + 4 * np.arange(1, len(vertex) + 1)
-        start = np.concatenate([np.arange(n_points), free_start, vertex_start]).astype(np.int32)
+        lengths = np.repeat([own[0].shape[1], between[0].shape[1]], [len(own[0]), len(between[0])])
+        start = np.concatenate([np.arange(n_points), free_start, filled + np.cumsum(lengths)])
         shape = (len(start) - 1, self.size + n_points)
-        return sparse.csr_array((values, columns, start), shape=shape), index
+        return sparse.csr_array((values, columns, start.astype(np.int32)), shape=shape), index
+
+    def _of_samples(
+        self, left: Ints, samples: BoundarySamples, vertex: Ints, patch: Ints
+    ) -> tuple[Ints, Floats]:
+        """Unknowns `(k, 4)` and weights of the colours of samples in patches; `left` is that of curves."""
+        curve = samples.curve[vertex]
+        side = np.where(left[curve] == patch, LEFT, RIGHT)
+        unknown = self.of_control[side[:, None], samples.control[vertex]]
+        at_node = curve < 0
+        key = vertex[at_node] * self.n_patches + patch[at_node]
+        unknown[at_node] = self.of_node[np.searchsorted(self.node_keys, key)][:, None]
+        return unknown, samples.weight[vertex]
+
+    def _of_points_between(
+        self, left: Ints, samples: BoundarySamples, drawing: Drawing, vertex: Ints, patch: Ints
+    ) -> tuple[Ints, Floats]:
+        """Unknowns `(k, 8)` and weights of the colours of tessellation points in patches."""
+        row = vertex - drawing.n_samples
+        ends, along = drawing.ends[row], drawing.along[row][:, None]
+        start, end = (self._of_samples(left, samples, ends[:, k], patch) for k in (0, 1))
+        weight = np.concatenate([(1 - along) * start[1], along * end[1]], axis=1)
+        return np.concatenate([start[0], end[0]], axis=1), weight
 
 
 def boundary_corners(

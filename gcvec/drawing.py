@@ -22,7 +22,7 @@ from gcvec.segment_table import segment_table
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-FLATNESS = 0.015
+FLATNESS = 0.01
 """Distance between a drawn polyline and its curve, in output pixels, that nobody sees."""
 
 
@@ -33,9 +33,8 @@ class Drawing:
     image      (v, 2) float64, pixels: the mesh's vertices, then tessellation points on the curves
     triangles  (t, 3) int64
     patch      (t,) int64
-    curve      (b,) curve of each boundary vertex, -1 for nodes: samples first, then tessellation points
-    control    (b, 4) control points, numbered through all curves, that make up a boundary vertex
-    weight     (b, 4)
+    ends       (e, 2) int64, the samples around each tessellation point, and
+    along      (e,) how far between them it lies: so is its colour, at every scale
     n_samples, n_vertices  how the vertices divide: samples, interior vertices of the mesh, tessellation
                            points
     """
@@ -43,9 +42,8 @@ class Drawing:
     image: Floats
     triangles: Ints
     patch: Ints
-    curve: Ints
-    control: Ints
-    weight: Floats
+    ends: Ints
+    along: Floats
     n_samples: int
     n_vertices: int
 
@@ -69,13 +67,14 @@ def draw(
     while True:
         count = pieces - 1
         first = len(mesh.vertices) + np.cumsum(count) - count
-        curve, extra = _between_samples(samples, count)
-        control, weight = network.family.basis(curve, extra)
+        segment, along = _between_samples(count)
+        start, end = samples.segment_u[segment].T
+        control, weight = network.family.basis(samples.segment_curve[segment], start + (end - start) * along)
         between = np.einsum("nk,nkd->nd", weight, control_points[control])
         image = np.concatenate([on_curve, interior, between])
-        along, owner = fans(mesh.triangles, table, first, count)
+        fan, owner = fans(mesh.triangles, table, first, count)
         # Where the polyline would turn a triangle of the fan over, the segment is drawn as its chord.
-        corners = along[folded(image, along)]
+        corners = fan[folded(image, fan)]
         added = corners[corners >= len(mesh.vertices)]
         if not len(added):
             break
@@ -84,11 +83,10 @@ def draw(
     whole[owner] = False
     return Drawing(
         image,
-        np.concatenate([mesh.triangles[whole], along]),
+        np.concatenate([mesh.triangles[whole], fan]),
         np.concatenate([mesh.patch[whole], mesh.patch[owner]]),
-        np.concatenate([samples.curve, curve]),
-        np.concatenate([samples.control, control]),
-        np.concatenate([samples.weight, weight]),
+        samples.segments[segment],
+        along,
         len(samples),
         len(mesh.vertices),
     )
@@ -119,9 +117,8 @@ def _pieces(network: Network, samples: BoundarySamples, control_points: Floats, 
     return np.maximum(np.ceil(np.sqrt(bound / flatness)), 1).astype(np.int64)
 
 
-def _between_samples(samples: BoundarySamples, count: Ints) -> tuple[Ints, Floats]:
-    """Curves and parameters of `count` `(s,)` points that cut each segment evenly."""
+def _between_samples(count: Ints) -> tuple[Ints, Floats]:
+    """Of `count` `(s,)` points that cut each segment evenly, the segments, and how far along they are."""
     segment = np.repeat(np.arange(len(count)), count)
     within = np.arange(len(segment)) - (np.cumsum(count) - count)[segment] + 1
-    start, end = samples.segment_u[segment].T
-    return samples.segment_curve[segment], start + (end - start) * within / (count[segment] + 1)
+    return segment, within / (count[segment] + 1)

@@ -29,12 +29,19 @@ def slow_row(canvas: Canvas, drawing: Drawing, corner: int, patch: int) -> np.nd
                 row[unknown(control)] += weight
         row[space.size :] += blend.points[[free]].toarray()[0]
     else:
-        at = corner if corner < mesh.n_samples else corner - len(mesh.vertices) + mesh.n_samples
-        for control, weight in zip(drawing.control[at], drawing.weight[at], strict=True):
-            at_node = drawing.curve[at] < 0
-            key = corner * len(network.loops) + patch
-            own = space.of_node[np.flatnonzero(space.node_keys == key)[0]] if at_node else unknown(control)
-            row[own] += weight
+        samples, ends = foundation.samples, {corner: 1.0}
+        if corner >= mesh.n_samples:
+            point = corner - len(mesh.vertices)
+            (start, end), along = drawing.ends[point].tolist(), drawing.along[point]
+            ends = {start: 1 - along, end: along}
+        for sample, share in ends.items():
+            key = sample * len(network.loops) + patch
+            for control, weight in zip(samples.control[sample], samples.weight[sample], strict=True):
+                at_node = samples.curve[sample] < 0
+                own = (
+                    space.of_node[np.flatnonzero(space.node_keys == key)[0]] if at_node else unknown(control)
+                )
+                row[own] += share * weight
     return row
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
+from skimage import data
 
+from gcvec import Options, vectorize
 from gcvec.canonical import lay_canvas
 from gcvec.drawing import folded
 from gcvec.fans import fans
@@ -74,3 +77,37 @@ def test_triangles_that_turn_over_are_found() -> None:
     )
     np.testing.assert_array_equal(folded(image, triangles), np.flatnonzero(areas(image, triangles) <= 0))
     assert folded(image, np.array([[0, 1, 1], [0, 1, 2], [0, 2, 1]])).tolist() in ([0, 1], [0, 2])
+
+
+def test_colours_between_samples_are_in_proportion() -> None:
+    foundation = foundation_of("ring")
+    canvas = lay_canvas(foundation, some_points(foundation, 15))
+    drawing = canvas.drawing(0.001)
+    operator, color = canvas.operator(drawing)
+    colors = operator @ np.random.default_rng(0).random(operator.shape[1])
+    found = {
+        (int(v), int(p)): colors[c]
+        for corners, p, cs in zip(drawing.triangles, drawing.patch, color, strict=True)
+        for v, c in zip(corners, cs, strict=True)
+    }
+    n_vertices, checked = len(canvas.mesh.vertices), 0
+    for (vertex, patch), value in found.items():
+        if vertex < n_vertices:
+            continue
+        (start, end), along = drawing.ends[vertex - n_vertices].tolist(), drawing.along[vertex - n_vertices]
+        ends = [found.get((sample, patch)) for sample in (start, end)]
+        if None not in ends:
+            assert value == pytest.approx((1 - along) * ends[0] + along * ends[1])
+            checked += 1
+    assert checked > 50
+
+
+@pytest.mark.parametrize("name", ["chelsea", "astronaut"])
+def test_a_photo_is_the_same_at_every_scale(name: str) -> None:
+    """At borders too, where the colours along the curves change fast."""
+    photo = np.asarray(Image.fromarray(getattr(data, name)()).resize((128, 128)))
+    image = vectorize(photo, None, Options(max_points=0))
+    once = image.render().astype(int)
+    for scale in (2, 4, 8):
+        finer = image.render(scale).reshape(128, scale, 128, scale, 3).mean(axis=(1, 3))
+        assert np.abs(finer - once).max() <= 4

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import resource
-import struct
 import sys
 import time
 import tracemalloc
-import zlib
 from collections.abc import Callable
 from functools import cache
 
@@ -16,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gcvec import InputError
-from gcvec.codec import decode, encode
+from gcvec.codec import decode, encode, sealed
 from gcvec.entropy import finish, writer
 from gcvec.integer_coding import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
 from gcvec.mixing import fresh_model
@@ -38,11 +36,6 @@ Mutation = Callable[[np.random.Generator, bytes], bytes]
 def streams() -> list[bytes]:
     """The streams of some whole files: what follows their checksum."""
     return [encode(vectorized(scene))[8:] for scene in SCENES]
-
-
-def sealed(stream: bytes) -> bytes:
-    """A file whose checksum is right."""
-    return b"GCV\x02" + struct.pack("<I", zlib.crc32(stream)) + stream
 
 
 def with_changed_bytes(rng: np.random.Generator, stream: bytes) -> bytes:

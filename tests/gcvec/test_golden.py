@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -35,3 +37,10 @@ def test_the_golden_file_has_every_feature() -> None:
 def test_the_golden_file_is_written_again_byte_by_byte() -> None:
     data = (DATA / "leaf.gcv").read_bytes()
     assert encode(VectorImage.from_bytes(data)) == data
+
+
+def test_a_file_of_version_2_is_read_alike() -> None:
+    data = (DATA / "leaf.gcv").read_bytes()
+    old = VectorImage.from_bytes(b"GCV\x02" + struct.pack("<I", zlib.crc32(data[8:])) + data[8:])
+    assert encode(old) == data
+    np.testing.assert_array_equal(old.render(), VectorImage.from_bytes(data).render())
