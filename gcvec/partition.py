@@ -54,7 +54,12 @@ def partition(annotations: Annotations, width: int, height: int) -> Partition:
     close_gaps(owners)
     owners[owners == UNCOVERED] = len(shapes)
     owners = absorb_slivers(owners)
-    notes.add(f"dropped: under {SLIVER_AREA} px² of it can be seen", painted - _present(owners))
+    seen = _present(owners) - {len(shapes)}
+    notes.add(f"dropped: under {SLIVER_AREA} px² of it can be seen", painted - seen)
+    if not seen:
+        raise InputError(
+            f"no shape covers {SLIVER_AREA} px² or more of the picture", code="no-usable-polygon"
+        )
     labels = connected_components(owners)
     names = [*(plain_label(shape.label) for shape in shapes), BACKGROUND]
     return Partition(

@@ -37,6 +37,10 @@ from gcvec.vector_image import VectorImage
 FULL = 0.95
 """A region with this share of the points it may have is taken as full: a few find no place."""
 
+BYTES_A_REGION = 350
+"""No more automatic regions than this leaves room for in a file of a given size: three times what each
+takes."""
+
 BEFORE_RUNS, AFTER_RUNS = 0.1, 0.95
 """Shares of the work that are done when refinement begins and when it ends."""
 
@@ -124,15 +128,19 @@ def _regions(
 ) -> Partition:
     if annotations is None:
         # Where regions are bounded, more of them hold more control points.
-        return segment(pixels, options.regions, FAINT_STEP if options.max_points else CLEAR_STEP)
+        found = segment(pixels, options.regions, FAINT_STEP if options.max_points else CLEAR_STEP)
+        affordable = max(options.target_bytes // BYTES_A_REGION, 1)
+        if options.target_bytes and not options.regions and len(found.names) > affordable:
+            found = segment(pixels, affordable)
+        return found
     height, width = pixels.shape[:2]
     regions = partition(annotations, width, height)
     return replace(regions, labels=snap_borders(regions.labels, picture, options.snap))
 
 
 def _reach(annotations: Annotations | None, options: Options) -> float:
-    """How far borders may move from the label map's, pixels: half a pixel is what it leaves open itself."""
-    return LARGEST_SHIFT if annotations is None else min(max(options.snap, 0.5), LARGEST_SHIFT)
+    """How far borders may move from the label map's onto the picture's steps, pixels."""
+    return LARGEST_SHIFT if annotations is None else min(options.snap, LARGEST_SHIFT)
 
 
 def _shortfall(report: Report, options: Options) -> tuple[str, ...]:

@@ -58,7 +58,14 @@ def require_folder(*paths: Path | None) -> None:
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file whole or not at all. An OSError names the file, not what it is made of."""
+    try:
+        _write(path, data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _write(path: Path, data: bytes) -> None:
     with tempfile.NamedTemporaryFile(
         dir=path.absolute().parent, prefix=f".{path.name}.", delete=False
     ) as file:

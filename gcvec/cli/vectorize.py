@@ -56,6 +56,8 @@ def vectorize(
     **settings: Any,
 ) -> None:
     """Turn a photo and its regions into a vector image."""
+    if image_name and not annotations:
+        raise click.BadParameter("needs --annotations", param_hint="'--image-name'")
     options = Options(**settings)
     require_folder(output, report, preview)
     picture = load_picture(image, matte)

@@ -40,7 +40,7 @@ def read_coco(
     shapes: list[Shape] = []
     without_region = 0
     for index, annotation in enumerate(_objects(document, "annotations")):
-        if annotation.get("image_id") != image.get("id"):
+        if str(annotation.get("image_id")) != str(image.get("id")):
             continue
         if not annotation.get("segmentation") and not annotation.get("bbox"):
             without_region += 1

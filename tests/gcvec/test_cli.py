@@ -180,6 +180,15 @@ def test_image_name(folder: Path, tmp_path: Path) -> None:
     command = ("vectorize", folder / "photo.png", "-a", folder / "photo.xml", "-o", tmp_path / "a.gcv")
     refused(gcvec(*command, "--image-name", "other.png"), "photo.xml", "other.png")
     assert gcvec(*command, "--image-name", "photo.png").returncode == 0
+    alone = ("vectorize", folder / "photo.png", "-o", tmp_path / "b.gcv", "--image-name", "photo.png")
+    refused(gcvec(*alone), "--image-name", "--annotations")
+
+
+def test_what_cannot_be_written_is_named(folder: Path) -> None:
+    done = gcvec("vectorize", folder / "photo.png", "-o", "/proc/x.gcv")
+    assert done.returncode == 1
+    assert done.stderr.startswith("gcvec: /proc/x.gcv: ")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -203,3 +203,9 @@ def test_what_no_shape_covers_is_background(drawn: list[Shape]) -> None:
     labels, names = regions(box(0, 0, 10, 10, "seed"), *drawn, size=(100, 100))
     background = np.array([name == "background" for name in names])[labels]
     assert background[90:, 90:].all()
+
+
+def test_shapes_of_which_next_to_nothing_is_seen_are_no_regions() -> None:
+    with pytest.raises(InputError, match="16 px") as refused:
+        partition(Annotations((box(20, 14, 22, 16),)), 40, 30)
+    assert refused.value.code == "no-usable-polygon"

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from skimage import data
 
 from examples.scenes import vectorized_balls
 from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
@@ -223,3 +224,20 @@ def test_report_counts_the_iterations_that_gave_a_region_points() -> None:
     assert one_each is not None
     assert [r.iterations for r in one_each.regions] == [r.points for r in one_each.regions]
     assert one_each.regions[0].points == 7
+
+
+def test_borders_stay_where_they_were_drawn_if_asked() -> None:
+    """However strong the edges around them are: to what a label map and the curves' tolerance leave open."""
+    pixels = np.ascontiguousarray(data.astronaut()[:200, 100:300])
+    left, top, right, bottom = 40.5, 50.0, 120.0, 149.9
+    ring = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+    annotations = Annotations((Shape("box", rings=(ring,)),))
+    off = {}
+    for snap in (0.0, 2.5):
+        image = vectorize(pixels, annotations, Options(snap=snap, target_mse=200, max_points=0))
+        samples = image.foundation.samples
+        inner = [k for k, curve in enumerate(image.curves) if not curve.on_frame]
+        x, y = samples.on_curves(image.foundation.control_points)[np.isin(samples.curve, inner)].T
+        away = np.maximum(np.maximum(left - x, x - right), np.maximum(top - y, y - bottom))
+        off[snap] = float(np.sqrt((away**2).mean()))
+    assert off[0.0] < 0.35 < off[2.5]

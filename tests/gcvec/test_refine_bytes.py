@@ -78,3 +78,10 @@ def test_several_runs_are_told_as_one() -> None:
     assert rounds[begins[1] - 1].fraction == pytest.approx(0.525, abs=0.03)
     longest = max(b - a for a, b in zip(begins, [*begins[1:], len(rounds)], strict=True))
     assert max(region.iterations for region in fitted.report.regions) <= longest
+
+
+def test_automatic_regions_leave_room_in_a_small_file() -> None:
+    pixels = data.chelsea()[80:160, 120:220]
+    image = vectorize(pixels, None, Options(target_bytes=700))
+    assert len(image.to_bytes()) <= 700
+    assert len(image.labels) <= 2

@@ -206,3 +206,8 @@ def test_any_document_reads_or_is_refused(part: object, key: str) -> None:
             read_coco(encoded(value))
         except InputError as error:
             assert error.code  # noqa: PT017
+
+
+def test_ids_may_be_numbers_here_and_text_there() -> None:
+    value = document({"segmentation": [LEFT], "image_id": "7"})
+    assert len(read_coco(encoded(value)).shapes) == 1
