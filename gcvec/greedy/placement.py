@@ -322,11 +322,13 @@ class Placement:
         return total[: None if self._room is None else len(self._room)]
 
     def _best(self, queue: Queue, threshold: float) -> Ints:
-        """The triangles of a queue to place points in now, no more of a patch than it may have points."""
+        """The triangles of a queue to place points in now, no more of a patch than it may have points, the
+        most promising first."""
         wanted = queue.gain > threshold
         if self._room is not None:
             wanted &= queue.rank < self._room[queue.patch]
-        return queue.triangle[wanted]
+        chosen = queue.where(wanted)
+        return chosen.triangle[np.argsort(-chosen.gain, kind="stable")]
 
     def _place(self, queues: list[Ints]) -> tuple[int, bool]:
         """Place points in these triangles of each plot. How many, and whether a patch that has a bound has
@@ -352,7 +354,7 @@ class Placement:
 class Queue(NamedTuple):
     """Triangles of a plot where a point would save something.
 
-    triangle  (q,) int64, the most promising first
+    triangle  (q,) int64
     gain      (q,) squared error that the best point inside would save
     patch     (q,) int64
     rank      (q,) int64, how many of the same patch, in any plot, save more
@@ -406,7 +408,6 @@ def _how_many(gain: Floats, missing: Callable[[float], float]) -> int:
 def _useful(plot: Plot) -> Queue:
     gain = plot.gain[: plot.counts[TRIANGLES]]
     found = np.flatnonzero(gain > 0)
-    found = found[np.argsort(-gain[found], kind="stable")]
     return Queue(found, gain[found], plot.patch[found], np.zeros_like(found))
 
 
