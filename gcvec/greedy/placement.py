@@ -217,7 +217,8 @@ class Placement:
         self._elsewhere = 0.0
         self._room = room
         self._pull = pull
-        self._n_patches = int(seats.patch.max()) + 1
+        # Patches may be so thin that they hold the centre of no pixel.
+        self._n_patches = max(int(seats.patch.max()) + 1, 0 if room is None else len(room))
         self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
         # Where strips overlap each sees its own changes only.
         self.error, self.lack = 0.0, 0.0
@@ -309,7 +310,8 @@ class Placement:
         full = self._room == 0
         price = np.zeros(len(full))
         np.maximum.at(price, patch, gain)
-        area = np.bincount(self._seats.patch, minlength=len(full))[: len(full)]
+        owner = self._seats.patch[self._seats.triangle_at >= 0]
+        area = np.bincount(owner, minlength=len(full))
         found = Full(self._squares()[full], price[full], float(area[full].sum() / area.sum()))
         return [q.where(~full[q.patch]) for q in ranked], found
 

@@ -11,6 +11,7 @@ from skimage import data
 from examples.scenes import vectorized_balls
 from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
 from gcvec.metrics import compare
+from gcvec.parts.crew import Alone
 from tests.gcvec.scenes import SCENES, Scene, voronoi
 
 
@@ -241,3 +242,17 @@ def test_borders_stay_where_they_were_drawn_if_asked() -> None:
         away = np.maximum(np.maximum(left - x, x - right), np.maximum(top - y, y - bottom))
         off[snap] = float(np.sqrt((away**2).mean()))
     assert off[0.0] < 0.35 < off[2.5]
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_scene_keeps_to_a_bound(scene: str) -> None:
+    """Patches too thin to hold the centre of a pixel among them, and some that fill up at once."""
+    made = SCENES[scene]
+    rng = np.random.default_rng(0)
+    pixels = np.clip(made.picture() + rng.normal(0, 12, (made.height, made.width, 3)), 0, 255).astype(
+        np.uint8
+    )
+    for crew in (None, Alone(3)):
+        image = vectorize(pixels, made.annotations(), Options(max_points=15), None, crew)
+        assert_sound(image, pixels)
+        assert max(r.points for r in image.report.regions) <= 15
