@@ -128,7 +128,8 @@ def _regions(
 ) -> Partition:
     if annotations is None:
         # Where regions are bounded, more of them hold more control points.
-        found = segment(pixels, options.regions, FAINT_STEP if options.max_points else CLEAR_STEP)
+        as_many_as_pay = not options.regions and not options.max_points
+        found = segment(pixels, options.regions, CLEAR_STEP if as_many_as_pay else FAINT_STEP)
         affordable = max(options.target_bytes // BYTES_A_REGION, 1)
         if options.target_bytes and not options.regions and len(found.names) > affordable:
             found = segment(pixels, affordable)
