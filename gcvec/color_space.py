@@ -118,7 +118,8 @@ def boundary_corners(
     of every pair of boundary vertex and patch in use: by vertex, counted without the interior ones, then by
     patch.
     """
-    return _boundary_corners(triangles, patch, n_samples, n_vertices)  # type: ignore[no-any-return]
+    found: tuple[Ints, Ints, Ints] = _boundary_corners(triangles, patch, n_samples, n_vertices)
+    return found
 
 
 @kernel

@@ -19,7 +19,8 @@ def fans(triangles: Ints, table: SegmentTable, first: Ints, count: Ints) -> tupl
     such an edge becomes a fan about the opposite corner; what is left of its other edges belongs to the first
     and the last of the fan, and is fanned there.
     """
-    return _fans(triangles, table, first, count)  # type: ignore[no-any-return]
+    found: tuple[Ints, Ints] = _fans(triangles, table, first, count)
+    return found
 
 
 @kernel

@@ -43,7 +43,8 @@ def patch_triangulation(vertices: Floats, segments: Ints, sides: Ints, height: i
     table = segment_table(segments, int(segments.max()) + 1)
     patch = np.full(len(corners), NO_PATCH)
     _spread(corners, neighbors, table, np.ascontiguousarray(sides), patch)
-    return _by_rows(corners, patch, vertices, height)  # type: ignore[no-any-return]
+    found: tuple[Ints, Ints] = _by_rows(corners, patch, vertices, height)
+    return found
 
 
 def _triangulation(vertices: Floats, segments: Ints) -> Any:

@@ -6,9 +6,7 @@ they buy most; between two thresholds colours adapt and every triangle is looked
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +21,7 @@ from gcvec.greedy.plot import (
     Plot,
     barycentric,
 )
+from gcvec.greedy.queues import NONE_FULL, Full, Queue, how_many, useful
 from gcvec.greedy.seats import Seats, image_of
 from gcvec.kernels import bare_kernel
 from gcvec.mesh import jittered
@@ -38,22 +37,11 @@ LEAST_COVER = 0.3
 LEAST_MARGIN = 0.02
 """Least weight of a triangle's corner at a new control point."""
 
-FALL = 1.2
-"""New points take this much more from the error than each would alone: the others' colours adapt."""
-
 EAGER = 0.3
 """With each threshold this share of the points is placed that the error seems to ask for: the best ones."""
 
 NEAR_ENOUGH = 0.003
 NEARLY = 0.85
-SAVED = 0.6
-"""Errors fall with about the power -1.5 of the number of points, so they go with this power of what the last
-point saves."""
-
-MOST_BETTER = 0.5
-"""Patches that have room are not made better than this share of the error that all should have, for the sake
-of those that have none."""
-
 MOST_LEVELS = 30
 """Enough is an error within this share of the goal, or so many of the points allowed, or thresholds."""
 
@@ -140,8 +128,8 @@ def _square(residual):
 
 @bare_kernel
 def _grow(plot, seats, queue, room, pull):
-    """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts
-    down; those that have changed meanwhile have to wait until colours have adapted."""
+    """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts down; those that
+    have changed meanwhile have to wait until colours have adapted."""
     for t in queue:
         patch = plot.patch[t]
         if plot.gain[t] <= 0.0 or room[patch] == 0 or plot.counts[VERTICES] + 1 >= len(plot.domain):
@@ -218,7 +206,7 @@ class Placement:
         self._room = room
         self._pull = pull
         # Patches may be so thin that they hold the centre of no pixel.
-        self._n_patches = max(int(seats.patch.max()) + 1, 0 if room is None else len(room))
+        self._n_patches = int(seats.patch.max()) + 1 if room is None else len(room)
         self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
         # Where strips overlap each sees its own changes only.
         self.error, self.lack = 0.0, 0.0
@@ -240,14 +228,12 @@ class Placement:
         if self._room is not None:
             for (plot, use), patch in zip(pairs, patches, strict=True):
                 gone = np.isfinite(use) & (plot.seat[: len(use)] == NOBODY)
-                self._room += np.bincount(patch[gone], minlength=len(self._room))
+                self._room += np.bincount(patch[gone], minlength=self._n_patches)
         self.settle()
 
     def _limits(self, use: Floats, patch: Ints, share: float) -> Floats:
         """`(patches,)` up to which usefulness points go, if this share of them shall."""
-        full = np.zeros(self._n_patches, bool)
-        if self._room is not None:
-            full[: len(self._room)] = self._room == 0
+        full = np.zeros(self._n_patches, bool) if self._room is None else self._room == 0
         movable = np.isfinite(use)
         limit = np.full(self._n_patches, _least(use[movable & ~full[patch]], share))
         for p in np.flatnonzero(full):
@@ -275,7 +261,7 @@ class Placement:
                 return True
             if not len(gain):
                 return False
-            wanted = int(EAGER * _how_many(gain, partial(full.missing, self.error, goal)))
+            wanted = int(EAGER * how_many(gain, partial(full.missing, self.error, goal)))
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
             threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
             new, stuck = self._place([self._best(q, threshold) for q in queues])
@@ -298,9 +284,9 @@ class Placement:
     def _queues(self) -> tuple[list[Queue], Full]:
         """For each plot the triangles where a point would save something and may be, and the patches that may
         have no more points."""
-        queues = in_turn(_useful, self.plots)
+        queues = in_turn(useful, self.plots)
         if self._room is None:
-            return queues, Full(np.zeros(0), np.zeros(0), 0.0)
+            return queues, NONE_FULL
         gain = np.concatenate([q.gain for q in queues])
         patch = np.concatenate([q.patch for q in queues])
         order, rank = np.argsort(-gain, kind="stable"), np.empty(len(gain), np.int64)
@@ -308,10 +294,12 @@ class Placement:
         cuts = np.cumsum([len(q.gain) for q in queues])[:-1]
         ranked = [q._replace(rank=own) for q, own in zip(queues, np.split(rank, cuts), strict=True)]
         full = self._room == 0
-        price = np.zeros(len(full))
+        if not full.any():
+            return ranked, NONE_FULL
+        price = np.zeros(self._n_patches)
         np.maximum.at(price, patch, gain)
         owner = self._seats.patch[self._seats.triangle_at >= 0]
-        area = np.bincount(owner, minlength=len(full))
+        area = np.bincount(owner, minlength=self._n_patches)
         found = Full(self._squares()[full], price[full], float(area[full].sum() / area.sum()))
         return [q.where(~full[q.patch]) for q in ranked], found
 
@@ -321,7 +309,7 @@ class Placement:
         for plot in self.plots:
             own = slice(plot.first_row * plot.width, (plot.first_row + plot.rows) * plot.width)
             total += np.bincount(self._seats.patch[own], (plot.residual**2).sum(axis=1), self._n_patches)
-        return total[: None if self._room is None else len(self._room)]
+        return total
 
     def _best(self, queue: Queue, threshold: float) -> Ints:
         """The triangles of a queue to place points in now, no more of a patch than it may have points, the
@@ -346,71 +334,10 @@ class Placement:
         asked, used = np.sum(in_turn(grow, list(zip(self.plots, queues, strict=True))), axis=0)
         if self._room is None:
             return int(used.sum()), False
-        n = len(self._room)
-        self._room -= used[:n]
-        stuck = (asked[:n] > 0) & (used[:n] == 0)
+        self._room -= used
+        stuck = (asked > 0) & (used == 0)
         self._room[stuck] = 0
         return int(used.sum()), bool(stuck.any())
-
-
-class Queue(NamedTuple):
-    """Triangles of a plot where a point would save something.
-
-    triangle  (q,) int64
-    gain      (q,) squared error that the best point inside would save
-    patch     (q,) int64
-    rank      (q,) int64, how many of the same patch, in any plot, save more
-    """
-
-    triangle: Ints
-    gain: Floats
-    patch: Ints
-    rank: Ints
-
-    def where(self, chosen: NDArray[np.bool_]) -> Queue:
-        """Some of them."""
-        return Queue(self.triangle[chosen], self.gain[chosen], self.patch[chosen], self.rank[chosen])
-
-
-class Full(NamedTuple):
-    """Patches that may have no more points.
-
-    square  (f,) their squared errors
-    price   (f,) what the best further point in each would save
-    area    the share of the picture that they cover
-    """
-
-    square: Floats
-    price: Floats
-    area: float
-
-    def missing(self, error: float, goal: float, price: float) -> float:
-        """How far the picture with that error is from the goal, if full patches had points down to this price
-        as the others have; but the others need not be much better than the goal asks of all.
-        """
-        if not len(self.square):
-            return error - goal
-        share = np.minimum(price / np.maximum(self.price, 1e-300), 1.0)
-        lack = float((self.square * (1 - share**SAVED)).sum())
-        others = error - float(self.square.sum())
-        return min(error - lack - goal, others - MOST_BETTER * goal * (1 - self.area))
-
-
-def _how_many(gain: Floats, missing: Callable[[float], float]) -> int:
-    """How many points, in the order of what they save, `gain` `(n,)`, make up for what is missing at the
-    price of the last one."""
-    saved = FALL * np.cumsum(gain)
-    low, high = 0, len(gain)
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if saved[middle] >= missing(float(gain[middle])) else (middle + 1, high)
-    return low
-
-
-def _useful(plot: Plot) -> Queue:
-    gain = plot.gain[: plot.counts[TRIANGLES]]
-    found = np.flatnonzero(gain > 0)
-    return Queue(found, gain[found], plot.patch[found], np.zeros_like(found))
 
 
 def _least(use: Floats, share: float) -> float:
