@@ -16,11 +16,11 @@ from scipy import sparse
 
 from gcvec.boundary import Network
 from gcvec.color_space import ColorSpace, boundary_corners, color_space
+from gcvec.coverage import Coverage
 from gcvec.domain import FINEST_LEVEL, raise_levels, without_crossings
 from gcvec.drawing import FLATNESS, Drawing, draw, folded
 from gcvec.mesh import Mesh, build_mesh
 from gcvec.patch import Blend, Geometry, blend, geometry
-from gcvec.raster import Coverage
 from gcvec.samples import BoundarySamples, boundary_samples
 
 Floats = NDArray[np.float64]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gcvec.canonical import Canvas
+from gcvec.coverage import Coverage
 from gcvec.least_squares import NormalEquations, energies, from_pixels, misfit
-from gcvec.raster import Coverage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse import csgraph
 
 from gcvec.boundary import Network
+from gcvec.disjoint_sets import united
 from gcvec.drawing import Drawing
 from gcvec.kernels import bare_kernel, kernel
 from gcvec.mesh import Mesh
@@ -208,8 +208,8 @@ def color_space(network: Network, hard: NDArray[np.bool_]) -> ColorSpace:
                 ties.append(at)
     node_keys = np.unique(np.array(keys, np.int64))
     tie = np.searchsorted(node_keys, np.array(ties, np.int64).reshape(-1, 2))
-    graph = sparse.coo_array((np.ones(len(tie)), tuple(tie.T)), shape=(len(node_keys),) * 2)
-    size, of_node = csgraph.connected_components(graph, directed=False)
+    of_node = united(*np.ascontiguousarray(tie.T), len(node_keys))
+    size = int(of_node.max(initial=-1)) + 1
 
     offsets = network.offsets
     of_control = np.full((2, offsets[-1]), -1, np.int64)
@@ -227,4 +227,4 @@ def color_space(network: Network, hard: NDArray[np.bool_]) -> ColorSpace:
             if not curve.closed:
                 ends = np.searchsorted(node_keys, np.array([curve.start, curve.end]) * n_patches + patch)
                 of_control[side, [offsets[c], offsets[c + 1] - 1]] = of_node[ends]
-    return ColorSpace(size, of_control, node_keys, of_node.astype(np.int64), n_patches)
+    return ColorSpace(size, of_control, node_keys, of_node, n_patches)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gcvec.disjoint_sets import join, set_numbers
 from gcvec.kernels import kernel
 
 SLIVER_AREA = 16
@@ -43,34 +44,6 @@ def _components(owners):
         for x in range(width):
             labels[y, x] = number[labels[y, x]]
     return labels
-
-
-@kernel
-def join(parent, a, b):
-    """Unite the sets of `a` and `b`, in place: `parent` `(n,)` leads from each element to the least of its
-    set, which is its own parent."""
-    while parent[a] != a:
-        parent[a] = parent[parent[a]]
-        a = parent[a]
-    while parent[b] != b:
-        parent[b] = parent[parent[b]]
-        b = parent[b]
-    parent[max(a, b)] = min(a, b)
-
-
-@kernel
-def set_numbers(parent):
-    """The set `(n,)` of each element, numbered from 0 in the order of their least elements."""
-    number = np.empty_like(parent)
-    found = 0
-    for k in range(len(parent)):
-        # A parent comes before its children.
-        if parent[k] == k:
-            number[k] = found
-            found += 1
-        else:
-            number[k] = number[parent[k]]
-    return number
 
 
 def absorb_slivers(owners: NDArray[np.int32], min_area: int = SLIVER_AREA) -> NDArray[np.int32]:

@@ -19,6 +19,7 @@ from gcvec.canonical import Canvas, Foundation
 from gcvec.color_space import LEFT, RIGHT, ColorSpace, color_space
 from gcvec.errors import InputError, pointing_at
 from gcvec.file_limits import too_far
+from gcvec.hex_color import rgb_from_hex
 from gcvec.mesh import patch_mesh
 from gcvec.patch import Blend
 from gcvec.vector_image import VectorImage
@@ -49,8 +50,8 @@ class Recolor:
 
 
 def hex_color(text: str) -> tuple[float, float, float]:
-    """sRGB in [0, 1] of a colour written as `#rrggbb`."""
-    red, green, blue = bytes.fromhex(text.removeprefix("#"))
+    """sRGB in [0, 1] of a colour written as `#rrggbb`. Raises `InputError` ("bad-option")."""
+    red, green, blue = rgb_from_hex(text, "color")
     return red / 255, green / 255, blue / 255
 
 

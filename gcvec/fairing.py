@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from gcvec.chains import Chains
+from gcvec.kernels import kernel
 
 Floats = NDArray[np.float64]
 
@@ -32,13 +32,38 @@ def faired(chains: Chains, points: Floats, weight: Floats) -> Floats:
     bend = STIFFNESS * inner
     diagonals = np.zeros((3, len(source)))
     # Every inner sample k adds its (x[k-1] - 2 x[k] + x[k+1])².
-    diagonals[2] = weight + 4 * bend
-    diagonals[2, :-1] += bend[1:]
-    diagonals[2, 1:] += bend[:-1]
+    diagonals[0] = weight + 4 * bend
+    diagonals[0, :-1] += bend[1:]
+    diagonals[0, 1:] += bend[:-1]
     diagonals[1, 1:] = -2 * (bend[1:] + bend[:-1])
-    diagonals[0, 2:] = bend[1:-1]
-    placed = solveh_banded(diagonals, weight[:, None] * points[source], check_finite=False)
-    return np.asarray(placed[kept])
+    diagonals[2, 2:] = bend[1:-1]
+    return np.asarray(solved(diagonals, weight[:, None] * points[source])[kept])
+
+
+@kernel
+def solved(diagonals, right):
+    """x `(n, k)` with A x = right, for A symmetric, positive definite and of five diagonals, by A = L D Lᵀ.
+
+    diagonals[j, i] is A[i, i - j], for j up to 2; what lies outside of A is 0.
+    """
+    n = len(right)
+    pivot, lower = np.ones(n + 2), np.zeros((2, n + 2))
+    x = np.zeros((n + 2, right.shape[1]))
+    # Rows are moved by two, so that the first ones have predecessors.
+    for i in range(2, n + 2):
+        lower[1, i] = diagonals[2, i - 2] / pivot[i - 2]
+        lower[0, i] = (diagonals[1, i - 2] - lower[1, i] * pivot[i - 2] * lower[0, i - 1]) / pivot[i - 1]
+        pivot[i] = diagonals[0, i - 2] - lower[0, i] ** 2 * pivot[i - 1] - lower[1, i] ** 2 * pivot[i - 2]
+        for k in range(right.shape[1]):
+            x[i, k] = right[i - 2, k] - lower[0, i] * x[i - 1, k] - lower[1, i] * x[i - 2, k]
+    for i in range(n + 1, 1, -1):
+        for k in range(right.shape[1]):
+            x[i, k] /= pivot[i]
+            if i + 1 < n + 2:
+                x[i, k] -= lower[0, i + 1] * x[i + 1, k]
+            if i + 2 < n + 2:
+                x[i, k] -= lower[1, i + 2] * x[i + 2, k]
+    return x[2:]
 
 
 def _unrolled(chains: Chains) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from gcvec.disjoint_sets import united
 from gcvec.kernels import kernel
 
 UNCOVERED = -1
@@ -15,6 +15,14 @@ _REACH = 4
 
 _FRAME_RUN = 5
 """A thin component with more pixels than this on the picture's frame is a strip along it."""
+
+_TOUCHING = (
+    (np.s_[:, :-1], np.s_[:, 1:]),
+    (np.s_[:-1], np.s_[1:]),
+    (np.s_[:-1, :-1], np.s_[1:, 1:]),
+    (np.s_[:-1, 1:], np.s_[1:, :-1]),
+)
+"""Where pixels are, and those next to them: to the right, and the three below."""
 
 _Mask = NDArray[np.bool_]
 
@@ -29,9 +37,21 @@ def close_gaps(owners: NDArray[np.int32]) -> None:
     thin = uncovered & ~(_opened_by_square(uncovered) | _opened_by_diamond(uncovered))
     if not thin.any():
         return
-    components: NDArray[np.int32] = np.asarray(ndimage.label(thin, np.ones((3, 3)))[0], dtype=np.int32)
+    components = _components(thin)
     gaps = _is_gap(owners, components)[components]
     _take_nearest(owners, owners.copy(), np.ascontiguousarray(np.argwhere(gaps)), _offsets(_REACH))
+
+
+def _components(mask: _Mask) -> NDArray[np.int64]:
+    """Number the components of a mask from 1, pixels that touch at a corner being connected; 0 outside."""
+    number = np.cumsum(mask).reshape(mask.shape) - 1
+    pairs = []
+    for here, there in _TOUCHING:
+        both = mask[here] & mask[there]
+        pairs.append((number[here][both], number[there][both]))
+    components = np.zeros(mask.shape, np.int64)
+    components[mask] = united(*map(np.concatenate, zip(*pairs, strict=True)), int(mask.sum())) + 1
+    return components
 
 
 def _eroded(mask: _Mask, rows: bool, columns: bool) -> _Mask:
@@ -87,7 +107,7 @@ def _offsets(reach: int) -> NDArray[np.int64]:
 
 
 @kernel
-def _is_gap(owners: NDArray[np.int32], components: NDArray[np.int32]) -> _Mask:
+def _is_gap(owners: NDArray[np.int32], components: NDArray[np.int64]) -> _Mask:
     """Per thin component (0 is none): whether it touches two owners, or one and a stretch of the frame."""
     count = components.max() + 1
     owner = np.full(count, UNCOVERED, dtype=np.int32)

@@ -7,10 +7,11 @@ coordinate in [0, 1].
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse import linalg
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,6 +21,10 @@ FADED = 1e-8
 
 BLOCK = 256
 """Coordinates solved for at once."""
+
+FEW = 300
+"""So few free vertices, as most clusters of them have, are solved for densely: that is as fast, and saves
+loading the sparse solvers, which takes as long as a small picture does."""
 
 
 def cotangent_laplacian(vertices: Floats, triangles: Ints) -> sparse.csr_array:
@@ -51,7 +56,7 @@ def harmonic_extension(laplacian: sparse.csr_array, free: Ints, fixed: Ints, val
     if not len(free):
         return np.zeros((0, values.shape[1]))
     rows = laplacian[free]
-    return np.asarray(_factor(rows[:, free]).solve(-(rows[:, fixed] @ values)))
+    return _solver(rows[:, free])(-(rows[:, fixed] @ values))
 
 
 def faded_coordinates(
@@ -64,23 +69,30 @@ def faded_coordinates(
     product of f and k.
     """
     rows = laplacian[free]
-    factor = _factor(rows[:, free])
+    solve = _solver(rows[:, free])
     right = -(rows[:, fixed] @ values).tocsc()
     blocks = []
     for first in range(0, right.shape[1], BLOCK):
-        block = factor.solve(right[:, first : first + BLOCK].toarray())
+        block = solve(right[:, first : first + BLOCK].toarray())
         block[block < FADED] = 0.0
         blocks.append(sparse.csr_array(block))
     coordinates = sparse.csr_array(sparse.hstack(blocks, "csr"))
-    total = np.asarray(coordinates.sum(axis=1))
+    total: Floats = np.asarray(coordinates.sum(axis=1))
     coordinates.data /= np.repeat(total, np.diff(coordinates.indptr))
     return coordinates
 
 
-def _factor(matrix: sparse.csr_array) -> linalg.SuperLU:
-    return linalg.splu(
+def _solver(matrix: sparse.csr_array) -> Callable[[Floats], Floats]:
+    """A function that solves for right-hand sides `(n, k)`."""
+    if matrix.shape[0] <= FEW:
+        dense = matrix.toarray()
+        return lambda right: np.asarray(np.linalg.solve(dense, right))
+    from scipy.sparse.linalg import splu
+
+    factor = splu(
         matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
+    return lambda right: np.asarray(factor.solve(right))
 
 
 def harmonic_coordinates(

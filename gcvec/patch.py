@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse import csgraph
 
 from gcvec import raster
 from gcvec.boundary import Network
 from gcvec.coons import coons
+from gcvec.disjoint_sets import united
 from gcvec.harmonic import cotangent_laplacian, faded_coordinates
 from gcvec.mesh import Mesh, build_mesh
 from gcvec.parallel import in_turn
@@ -42,7 +42,8 @@ def blend(network: Network, samples: BoundarySamples, mesh: Mesh) -> Blend:
     touches_free = (mesh.triangles >= mesh.first_free).any(axis=1)
     triangles, patch = mesh.triangles[touches_free], mesh.patch[touches_free]
     laplacian = cotangent_laplacian(mesh.vertices, triangles)
-    _, cluster = csgraph.connected_components(laplacian[mesh.first_free :, mesh.first_free :])
+    joined = laplacian[mesh.first_free :, mesh.first_free :].tocoo()
+    cluster = united(joined.row.astype(np.int64), joined.col.astype(np.int64), n_free)
     patch_of = np.zeros(n_free, np.int64)
     for k in range(3):
         free_corner = triangles[:, k] >= mesh.first_free
@@ -104,7 +105,7 @@ def _edges_by_patch(network: Network, samples: BoundarySamples) -> list[Ints]:
     return [edge[order[a:b]] for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
 
 
-def _groups(labels: NDArray[np.int32]) -> list[Ints]:
+def _groups(labels: Ints) -> list[Ints]:
     order = np.argsort(labels, kind="stable")
     return np.split(order, np.cumsum(np.bincount(labels))[:-1])
 

@@ -26,7 +26,6 @@ from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
 from gcvec.refine import refine_batch
 from gcvec.refine_bytes import refine_to_bytes
-from gcvec.refine_paper import refine_paper
 from gcvec.refinement import Step
 from gcvec.scene import Scene, Terms
 from gcvec.segment import CLEAR_STEP, FAINT_STEP, segment
@@ -99,6 +98,8 @@ def vectorize(
         steps = Quantization.for_error(target_mse)
         terms = Terms(target_mse, steps, options.max_points, options.effort)
         if options.strategy == "paper":
+            from gcvec.refine_paper import refine_paper  # with the sparse solvers, which are slow to load
+
             found = refine_paper(scene, terms, tell.iteration, clock)
         else:
             start = None

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse import linalg
+from scipy.sparse.linalg import splu
 
 from gcvec import raster
 from gcvec.canonical import Canvas, Foundation, lay_canvas
@@ -166,7 +166,7 @@ def fitted_colors(matrix: sparse.csr_array, boundary_colors: Floats, truth: Floa
     beyond_boundary = truth - matrix[:, :n_boundary] @ boundary_colors
     normal = (basis.T @ basis + WEIGHT * sparse.eye_array(basis.shape[1])).tocsc()
     right = basis.T @ beyond_boundary + WEIGHT * wanted
-    return np.clip(linalg.splu(normal).solve(right), 0, 1)
+    return np.clip(splu(normal).solve(right), 0, 1)
 
 
 def region_canvas(foundation: Foundation, mesh: Mesh, region: int) -> Canvas:

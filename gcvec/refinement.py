@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from gcvec.canonical import lay_unfolded_canvas
 from gcvec.clearance import room
 from gcvec.color_fit import ColorFit, color_fit
+from gcvec.coverage import Coverage
 from gcvec.draft import by_rows
 from gcvec.greedy import begin_placement
 from gcvec.greedy.seats import Seats, seats
 from gcvec.least_squares import solve, solve_bounded
 from gcvec.quantization import Quantization
-from gcvec.raster import Coverage
+from gcvec.rounding import Rounding
 from gcvec.scene import Scene, Terms
 from gcvec.seeding import seeds
 from gcvec.timing import StageClock
@@ -44,27 +45,12 @@ PULLING_TARGETS = 1.0, 25.0
 RISE = 0.75
 """Without the least useful share s of its control points a picture has about 1 + 0.75 s times the error."""
 
-LOSS = 1.15
-"""Rounding colours as a file does costs about this much more than rounding to nearest, see its dead zone: the
-first guess, until a file has been made."""
-
 LEAST_SPARE = 0.12
 """Fewer points than this share are not worth a round that takes them out: larger steps of colours make as
 good a use of what the picture has to spare."""
 
-CAREFUL = 0.98
-MORE_CAREFUL = 0.995
-"""The first aim is lower than it need be by this factor, since missing the target costs another round; and
-after each miss by another one."""
-
-LEAST_LESSON = 0.1
-"""What rounding is taken to cost falls no further than to this share when a file is looked at."""
-
 SETTLED = 0.985
 """Of a round's error about this share remains after the last fit."""
-
-LEAST_AIM = 0.5
-"""The aim is at least this share of the target."""
 
 FIRST_POINTS = 1 / 1500
 """Points a pixel that a round may place, however few there are."""
@@ -138,20 +124,6 @@ class _Best(NamedTuple):
     lack: float
 
 
-def error_before_rounding(target_mse: float, steps: Quantization, energy: float, loss: float = LOSS) -> float:
-    """The error that leaves `target_mse` when colours are rounded."""
-    return max(target_mse - rounding_error(steps, energy, loss), LEAST_AIM * target_mse)
-
-
-def rounding_error(steps: Quantization, energy: float, loss: float) -> float:
-    """Error that rounding adds, to the file's steps and then to 8 bits.
-
-    Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the picture as
-    the colour has `energy` there, which is summed over all colours and a share of the picture's pixels.
-    """
-    return (1 + loss * 65025 * steps.point**2 * energy) / 12
-
-
 class Refinement:
     """The refinement loop's state: control points, colours, and the canvas they are on.
 
@@ -178,11 +150,8 @@ class Refinement:
         self._prior = scene.boundary_colors
         self._picture = np.divide(scene.pixels, np.float32(255))
         self._truth = self._picture.reshape(-1, 3)
-        self._target_mse = terms.target_mse
         self._strength = float(np.clip(terms.target_mse, *PULLING_TARGETS))
-        self._steps = terms.steps
-        self._loss = LOSS
-        self._margin = CAREFUL
+        self._rounding = Rounding(terms.target_mse, terms.steps)
         self.bias, self.lack = 1.0, start.lack
         self._max_points = terms.max_points
         self._on_step = on_step
@@ -195,7 +164,7 @@ class Refinement:
     @property
     def aim(self) -> float:
         """The error to aim at before colours are rounded."""
-        return self._margin * error_before_rounding(self._target_mse, self._steps, self._energy, self._loss)
+        return self._rounding.aim(self._energy)
 
     @property
     def fair_aim(self) -> float:
@@ -214,15 +183,11 @@ class Refinement:
 
     def rounding(self, steps: Quantization) -> float:
         """The error that rounding to these steps is expected to add."""
-        return rounding_error(steps, self._energy, self._loss)
+        return self._rounding.cost(steps, self._energy)
 
     def learn(self, steps: Quantization, mse: float) -> None:
         """See what rounding costs: a file of the picture as it is has the error `mse` in these steps."""
-        open_mse = mse - self.lack
-        missed_by = open_mse / self._target_mse * self.aim / max(self.open_mse, 1e-9)
-        self._loss *= max((mse - self.mse) / self.rounding(steps), LEAST_LESSON)
-        if open_mse > self._target_mse:
-            self._margin *= MORE_CAREFUL / max(missed_by, 1.0)
+        self._rounding.learn(steps, self._energy, self.mse, mse, self.lack)
 
     def grow(self, growth: float, early: bool) -> bool:
         """Place points until the picture is nearly as good as the aim, in rounds that add `growth` times as

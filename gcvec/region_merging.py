@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.components import SLIVER_AREA, join, set_numbers
+from gcvec.components import SLIVER_AREA
+from gcvec.disjoint_sets import united
 from gcvec.kernels import kernel
 
 _SATURATION = 4.0
@@ -73,7 +74,7 @@ def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDAr
         chosen = _smallest(gain, chosen, most)
         if not len(chosen):
             break
-        joined = joined_regions(borders.first[chosen], borders.second[chosen], len(areas))
+        joined = united(borders.first[chosen], borders.second[chosen], len(areas))
         areas = np.bincount(joined, areas).astype(np.int64)
         groups = joined[groups]
         first, second = joined[borders.first], joined[borders.second]
@@ -124,15 +125,6 @@ def _smallest(values: NDArray[np.float64], indices: NDArray[np.int64], count: in
     if count >= len(indices):
         return indices
     return indices[np.argpartition(values[indices], count)[:count]]
-
-
-@kernel
-def joined_regions(first, second, n):
-    """The new number `(n,)` of each region when those on both sides of these borders become one."""
-    parent = np.arange(n)
-    for k in range(len(first)):
-        join(parent, first[k], second[k])
-    return set_numbers(parent)
 
 
 @kernel

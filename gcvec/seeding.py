@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from gcvec.kernels import kernel
+from gcvec.smoothing import gaussian
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,7 +50,7 @@ def seeds(
     density *= np.interp(
         FEWEST_PER_BEND * density.mean(), (SPARSE, DENSE), (FEWEST_PER_BEND, POINTS_PER_BEND)
     )
-    density = np.minimum(ndimage.gaussian_filter(density, 1.0), MOST_POINTS)
+    density = np.minimum(gaussian(density, 1.0), MOST_POINTS)
     if max_points:
         expected = np.bincount(patch_at.ravel(), density.ravel())
         density *= np.minimum(1, max_points / 2 / np.maximum(expected, 1e-9))[patch_at]
@@ -69,7 +69,7 @@ def rank_in_group(group: Ints) -> Ints:
 
 def _second_derivatives(channel: NDArray[np.floating]) -> Floats:
     """Squared Frobenius norm of the Hessian of a slightly smoothed picture `(h, w)`."""
-    xx, xy, yy = (ndimage.gaussian_filter(channel, 1.0, order=order) for order in ((0, 2), (1, 1), (2, 0)))
+    xx, xy, yy = (gaussian(channel, 1.0, order) for order in ((0, 2), (1, 1), (2, 0)))
     return np.asarray(xx**2 + 2 * xy**2 + yy**2)
 
 

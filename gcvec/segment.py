@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from gcvec.components import connected_components
 from gcvec.partition import Partition
 from gcvec.region_merging import Borders, borders_between, merged
+from gcvec.smoothing import box_mean, gaussian
 from gcvec.watershed import flooded, minima
 
 REGION = "region"
@@ -52,7 +52,7 @@ def _steepness(colours: _Colours, sigma: float) -> NDArray[np.float32]:
     square = np.zeros(colours.shape[:2], dtype=np.float32)
     for channel in np.moveaxis(colours, 2, 0):
         for order in ((0, 1), (1, 0)):
-            square += np.square(ndimage.gaussian_filter(channel, sigma, order=order, mode="nearest"))
+            square += np.square(gaussian(channel, sigma, order))
     return np.sqrt(square / 3) * np.float32(sigma * np.sqrt(2 * np.pi))
 
 
@@ -91,8 +91,8 @@ def _borders(
 ) -> Borders:
     """The borders of the basins, with the colour step across them beyond what the texture around explains, in
     units of the least one."""
-    smooth = np.asarray(ndimage.gaussian_filter(colours, (scale, scale, 0), mode="nearest"), np.float32)
-    around = ndimage.uniform_filter(np.square(steepness), _TEXTURE_WINDOW * scale)
+    smooth = np.stack([gaussian(channel, scale) for channel in np.moveaxis(colours, 2, 0)], axis=2)
+    around = box_mean(np.square(steepness, dtype=np.float64), _TEXTURE_WINDOW * scale | 1)
     texture = np.asarray(_TEXTURE_SHARE * around, np.float32)
     parts = [_cracks(basins, smooth, texture, scale)]
     parts.append(_cracks(basins.T, smooth.transpose(1, 0, 2), texture.T, scale))

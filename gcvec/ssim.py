@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from gcvec.parallel import in_turn
+from gcvec.smoothing import box_mean
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def _similarities(a: NDArray[np.uint8], b: NDArray[np.uint8], window: int) -> Fl
     x, y = a.astype(np.float64), b.astype(np.float64)
     edge = window // 2
     inside = slice(edge, len(x) - edge), slice(edge, x.shape[1] - edge)
-    mx, my, mxx, myy, mxy = (ndimage.uniform_filter(z, window)[inside] for z in (x, y, x * x, y * y, x * y))
+    mx, my, mxx, myy, mxy = (box_mean(z, window)[inside] for z in (x, y, x * x, y * y, x * y))
     unbiased = window**2 / (window**2 - 1)
     vx, vy, vxy = unbiased * (mxx - mx * mx), unbiased * (myy - my * my), unbiased * (mxy - mx * my)
     c1, c2 = STABILIZERS

@@ -12,7 +12,8 @@ from gcvec import Options, vectorize
 from gcvec.errors import InputError, pointing_at
 from gcvec.export import error_map, patch_overlay
 from gcvec.export.png import png
-from gcvec.io import Picture, check_size, matte_from, read_annotations, read_picture
+from gcvec.hex_color import rgb_from_hex
+from gcvec.io import Picture, check_size, read_annotations, read_picture
 from gcvec.metrics import Report, compare
 from gcvec.parts.crew import Crew
 from gcvec.progress import OnProgress
@@ -84,7 +85,7 @@ def _pointing_at_options() -> Iterator[None]:
 
 def read_photo(image: bytes, request: Mapping[str, Any], settings: Settings) -> Picture:
     """An uploaded picture. Raises gcvec.InputError."""
-    matte = matte_from(request.get("matte") or settings.matte)
+    matte = rgb_from_hex(request.get("matte") or settings.matte, "matte")
     with pointing_at("/image"):
         return read_picture(image, limits=limits(settings), matte=matte)
 

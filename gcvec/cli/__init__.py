@@ -16,7 +16,9 @@ def main() -> None:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     try:
         from gcvec.cli._app import run
+        from gcvec.cli._postponed import postpone
 
+        postpone()
         code = run(sys.argv[1:])
     except KeyboardInterrupt:
         code = 130

@@ -31,9 +31,10 @@ def load_picture(path: Path, matte: str) -> Picture:
 
     Transparent pixels are laid over `matte`, written as #rrggbb. Raises InputError.
     """
-    from gcvec.io import matte_from, read_picture
+    from gcvec.hex_color import rgb_from_hex
+    from gcvec.io import read_picture
 
-    color = matte_from(matte)
+    color = rgb_from_hex(matte, "matte")
     with about(path):
         picture = read_picture(path.read_bytes(), matte=color)
     warn(path, picture.warnings)

@@ -5,7 +5,7 @@ Light to import: Pillow, numpy and defusedxml, never the solver.
 
 from gcvec.io.annotations import check_size, read_annotations
 from gcvec.io.limits import DEFAULT_LIMITS, Limits
-from gcvec.io.picture import Picture, PictureHeader, matte_from, probe_picture, read_picture
+from gcvec.io.picture import Picture, PictureHeader, probe_picture, read_picture
 from gcvec.io.write_coco import write_coco
 from gcvec.io.write_cvat import write_cvat_xml
 
@@ -15,7 +15,6 @@ __all__ = [
     "Picture",
     "PictureHeader",
     "check_size",
-    "matte_from",
     "probe_picture",
     "read_annotations",
     "read_picture",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import re
 import warnings as python_warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -21,7 +20,6 @@ from gcvec.io.limits import DEFAULT_LIMITS, Limits
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF")
 _SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _WHITE = (255, 255, 255)
-_COLOR = re.compile("#[0-9a-fA-F]{6}")
 
 _UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -116,14 +114,6 @@ def _silence_libtiff() -> None:
 
 
 _silence_libtiff()
-
-
-def matte_from(color: str) -> tuple[int, int, int]:
-    """The `matte` of `read_picture` written as `#rrggbb`. Raises `InputError` ("bad-option")."""
-    if not _COLOR.fullmatch(color):
-        raise InputError(f"{color!r} is not #rrggbb, such as #ffffff", code="bad-option", pointer="matte")
-    red, green, blue = bytes.fromhex(color[1:])
-    return red, green, blue
 
 
 @contextmanager

@@ -20,7 +20,8 @@ from gcvec.parts.division import Part, divided, part_of
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.parts.part import refine_part
 from gcvec.refine import exchanges
-from gcvec.refinement import CAREFUL, LEAST_CHANGE, Start, Step, error_before_rounding
+from gcvec.refinement import LEAST_CHANGE, Start, Step
+from gcvec.rounding import Rounding
 from gcvec.scene import Scene, Terms
 
 Floats = NDArray[np.float64]
@@ -135,7 +136,7 @@ class _Rounds:
         """The mean squared error to aim at (0-255 scale)."""
         n = self._pixels.size / 3
         energy = sum(state.energy for state in self._states) / n if self._done else USUAL_ENERGY
-        return CAREFUL * error_before_rounding(self._terms.target_mse, self._terms.steps, energy)
+        return Rounding(self._terms.target_mse, self._terms.steps).aim(energy)
 
     @property
     def aim(self) -> float:

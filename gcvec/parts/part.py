@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from gcvec.canonical import lay_foundation
 from gcvec.color_fit import ColorFit
+from gcvec.coverage import Coverage
 from gcvec.least_squares import from_pixels
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.quantization import Quantization
-from gcvec.raster import Coverage
 from gcvec.refinement import LEAST_SPARE, Refinement, Start, Step
 from gcvec.scene import Scene, Terms
 from gcvec.timing import StageClock

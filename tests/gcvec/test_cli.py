@@ -38,6 +38,25 @@ def refused(run: subprocess.CompletedProcess[str], *named: object) -> None:
         assert str(part) in run.stderr
 
 
+def loaded_by(*arguments: object) -> set[str]:
+    """The modules that are there at the end of a command, those still to be loaded not among them."""
+    script = f"""
+import sys
+from importlib.util import _LazyModule
+
+from gcvec.cli import main
+
+sys.argv = ["gcvec", *{list(map(str, arguments))}]
+try:
+    main()
+finally:
+    print(*(name for name, module in sys.modules.items() if type(module) is not _LazyModule))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
+
+
 def annotations(*, width: int = WIDTH, height: int = HEIGHT, name: str = "photo.png") -> str:
     return f"""<?xml version="1.0" encoding="utf-8"?>
 <annotations><version>1.1</version><image id="0" name="{name}" width="{width}" height="{height}">
@@ -91,6 +110,14 @@ def test_render_png(folder: Path, tmp_path: Path, scale: str, size: tuple[int, i
 
 
 @pytest.mark.usefixtures("vectorized")
+def test_a_small_picture_does_not_wait_for_what_it_does_not_need(folder: Path, tmp_path: Path) -> None:
+    for regions in ((), ("-a", folder / "photo.xml")):
+        loaded = loaded_by("vectorize", folder / "photo.png", *regions, "-o", tmp_path / "a.gcv")
+        assert {"numpy", "scipy.sparse", "gcvec.refine"} <= loaded
+        slow = {"scipy.linalg", "scipy.ndimage", "scipy.special", "numpy.testing", "numpy.f2py"}
+        assert not loaded & (slow | {"numba", "pydantic", "skimage"})
+
+
 def test_raw_samples_pixel_centres(folder: Path, tmp_path: Path) -> None:
     for name, option in (("raw.png", ["--raw"]), ("box.png", [])):
         assert gcvec("render", folder / "photo.gcv", "-o", tmp_path / name, *option).returncode == 0

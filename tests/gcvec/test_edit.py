@@ -265,6 +265,9 @@ def test_refusals_name_the_culprit(moves: list[Move], recolors: list[Recolor], c
 
 def test_hex_colors() -> None:
     assert hex_color("#ff0033") == hex_color("ff0033") == (1.0, 0.0, 0.2)
+    for text in ("#ff003", "#ff00330", "red", "#gg0000", ""):
+        with pytest.raises(InputError, match="is not #rrggbb"):
+            hex_color(text)
 
 
 def test_an_edit_is_quick_enough_to_drag() -> None:

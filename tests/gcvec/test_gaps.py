@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from gcvec.gaps import UNCOVERED, close_gaps
+from gcvec.gaps import UNCOVERED, _components, close_gaps
 
 
 def closed(owners: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -67,3 +68,8 @@ def test_nothing_covered_or_nothing_uncovered_changes_nothing() -> None:
     for value in (UNCOVERED, 0):
         owners = np.full((3, 4), value, dtype=np.int32)
         np.testing.assert_array_equal(closed(owners), owners)
+
+
+def test_components_are_scipys() -> None:
+    mask = np.random.default_rng(0).uniform(size=(30, 41)) < 0.3
+    np.testing.assert_array_equal(_components(mask), ndimage.label(mask, np.ones((3, 3)))[0])

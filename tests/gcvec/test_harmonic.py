@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate
 
+from gcvec import harmonic
 from gcvec.harmonic import cotangent_laplacian, harmonic_coordinates, harmonic_extension
 from gcvec.triangulation import constrained_delaunay
 
@@ -265,6 +266,15 @@ def test_coordinates_on_a_disc_converge_to_poissons_integral() -> None:
         errors.append(worst)
     assert errors[-1] < 5e-3
     assert rate(errors) > 1.6
+
+
+def test_few_vertices_are_solved_for_as_many_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    domain = meshed([L_SHAPE], grid_inside(in_l_shape(0.1), 0.2, 1.0), 10)
+    assert 0 < len(domain.interior) <= harmonic.FEW
+    dense, _ = extended(domain, lambda p: p**3)
+    monkeypatch.setattr(harmonic, "FEW", 0)
+    sparse, _ = extended(domain, lambda p: p**3)
+    np.testing.assert_allclose(dense, sparse, atol=1e-12)
 
 
 def test_no_free_vertices() -> None:

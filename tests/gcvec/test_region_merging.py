@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from gcvec.components import SLIVER_AREA
 from gcvec.region_merging import (
     border_gains,
     borders_between,
-    joined_regions,
     merged,
     summed,
     weakest_of_smaller,
@@ -58,14 +55,6 @@ def test_gains_as_read_out_loud() -> None:
         weakest = own[gain[own].argmin()]
         assert (weakest in chosen) == (smaller[weakest] == region or weakest in chosen)
         assert not any(smaller[k] == region for k in chosen if k != weakest)
-
-
-def test_joined_regions_equal_scipys_components() -> None:
-    first, second, _ = cracks(12, 20, 3)
-    graph = coo_array((np.ones(12), (first, second)), shape=(20, 20))
-    np.testing.assert_array_equal(
-        joined_regions(first, second, 20), connected_components(graph, directed=False)[1]
-    )
 
 
 def test_merging_ends_where_every_border_pays() -> None:

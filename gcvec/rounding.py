@@ -1,0 +1,57 @@
+"""What rounding colours costs, and so how good a picture has to be before a file of it is made."""
+
+from __future__ import annotations
+
+from gcvec.quantization import Quantization
+
+LOSS = 1.15
+"""Rounding colours as a file does costs about this much more than rounding to nearest, see its dead zone: the
+first guess, until a file has been made."""
+
+LEAST_LESSON = 0.1
+"""What rounding is taken to cost falls no further than to this share when a file is looked at."""
+
+CAREFUL = 0.98
+MORE_CAREFUL = 0.995
+"""The first aim is lower than it need be by this factor, since missing the target costs another round; and
+after each miss by another one."""
+
+LEAST_AIM = 0.5
+"""The aim is at least this share of the target."""
+
+
+class Rounding:
+    """What is known of it: more with every file. Errors are mean squared ones on the 0-255 scale.
+
+    `energy` is what all colours give to a pixel, in squares, of the picture in question.
+    """
+
+    def __init__(self, target_mse: float, steps: Quantization) -> None:
+        """Files that come to `target_mse` in about these steps."""
+        self._target_mse = target_mse
+        self._steps = steps
+        self._loss = LOSS
+        self._margin = CAREFUL
+
+    def cost(self, steps: Quantization, energy: float) -> float:
+        """The error that rounding is expected to add, to these steps and then to 8 bits.
+
+        Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
+        picture as the colour has energy there.
+        """
+        return (1 + self._loss * 65025 * steps.point**2 * energy) / 12
+
+    def aim(self, energy: float) -> float:
+        """The error before rounding that leaves the target after it."""
+        left = self._target_mse - self.cost(self._steps, energy)
+        return self._margin * max(left, LEAST_AIM * self._target_mse)
+
+    def learn(self, steps: Quantization, energy: float, before: float, after: float, lack: float) -> None:
+        """See what rounding has cost: the error was `before`, and is `after` in a file with these steps.
+
+        `lack` is what no point can save of either.
+        """
+        missed_by = (after - lack) / self._target_mse * self.aim(energy) / max(before - lack, 1e-9)
+        self._loss *= max((after - before) / self.cost(steps, energy), LEAST_LESSON)
+        if after - lack > self._target_mse:
+            self._margin *= MORE_CAREFUL / max(missed_by, 1.0)
