@@ -4,65 +4,91 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcvec.greedy.plot import STAMP, corner_of, next_around
+from gcvec.greedy.plot import corner_of, next_around
 from gcvec.kernels import bare_kernel
 
 LEAST_STEP = 0.5 / 255
 LEAST_PUSH = 3 / 255
 """Smaller changes of a colour leave what points would save in its triangles as it is, and its neighbours."""
 
-
-@bare_kernel
-def _reach(triangles, neighbors, first, last, pixel, weights, start, vertex, stamp, pixel_mark, phi, touched):
-    n, t = 0, start
-    while True:
-        corner = corner_of(triangles, t, vertex)
-        for e in range(first[t], last[t]):
-            p = pixel[e]
-            # No branches here: they would be hard to predict. What follows a known pixel overwrites it.
-            known = pixel_mark[p] == stamp
-            pixel_mark[p] = stamp
-            phi[p] = weights[e, corner] + (phi[p] if known else np.float32(0.0))
-            touched[n] = p
-            n += not known
-        t = neighbors[t, (corner + 2) % 3]
-        if t == start:
-            break
-    energy = 0.0
-    for i in range(n):
-        energy += phi[touched[i]] ** 2
-    return n, energy
-
-
-@bare_kernel
-def reach(plot, vertex):
-    """What a unit of a whole vertex's colour gives to each pixel: `plot.phi` at the pixels
-    `plot.touched[:n]`; n and the sum of squares are returned."""
-    plot.counts[STAMP] += 1
-    return _reach(
-        plot.triangles, plot.neighbors, plot.first, plot.last, plot.pixel, plot.weights,
-        plot.at_vertex[vertex], vertex, plot.counts[STAMP], plot.pixel_mark, plot.phi, plot.touched,
-    )  # fmt: skip
+NO_STEP = 0.02 / 255
+"""Smaller changes are not made."""
 
 
 @bare_kernel
 def adapt(plot, vertex, pull):
-    """Give a whole vertex the best colour in [0, 1] for all others as they are, pulled to that of the photo
+    """Give a whole vertex a better colour in [0, 1] for all others as they are, pulled to that of the photo
     at its seat with the weight `pull` (equation (7))."""
-    n, energy = reach(plot, vertex)
+    red, green, blue, energy = reach(plot, vertex)
     seat = plot.seat[vertex]
-    longest = 0.0
-    for k in range(3):
-        pressure = _pressure(plot.phi, plot.touched, plot.residual, n, k)
-        before = plot.color[vertex, k]
-        step = (pressure + pull * (plot.photo[seat, k] - before)) / (energy + pull)
-        step = min(max(before + step, 0.0), 1.0) - before
-        plot.color[vertex, k] = before + step
-        _take_off(plot.phi, plot.touched, plot.residual, n, k, step)
-        longest = max(longest, abs(step))
+    red = _step(plot.color[vertex, 0], red, plot.photo[seat, 0], energy, pull)
+    green = _step(plot.color[vertex, 1], green, plot.photo[seat, 1], energy, pull)
+    blue = _step(plot.color[vertex, 2], blue, plot.photo[seat, 2], energy, pull)
     plot.restless[vertex] = False
+    longest = max(abs(red), abs(green), abs(blue))
+    if longest > NO_STEP:
+        plot.color[vertex, 0] += red
+        plot.color[vertex, 1] += green
+        plot.color[vertex, 2] += blue
+        _take_off(
+            plot.triangles, plot.neighbors, plot.first, plot.last, plot.pixel, plot.weights, plot.residual,
+            plot.at_vertex[vertex], vertex, np.float32(red), np.float32(green), np.float32(blue),
+        )  # fmt: skip
     if longest > LEAST_STEP:
         _disturb(plot, vertex, longest > LEAST_PUSH)
+
+
+@bare_kernel
+def _step(before, pressure, wanted, energy, pull):
+    step = (pressure + pull * (wanted - before)) / (energy + pull)
+    return min(max(before + step, 0.0), 1.0) - before
+
+
+@bare_kernel
+def reach(plot, vertex):
+    """What a whole vertex's colour has to do with the error: Σ φ r of the three channels, and Σ φ², over the
+    pixels, where a unit of it gives φ.
+
+    Σ φ² is summed over the triangles' shares of each pixel, as if every share were one of its own: a little
+    more than the square of what they give together, so steps of a colour are a little short of the best.
+    """
+    return _reach(
+        plot.triangles, plot.neighbors, plot.first, plot.last, plot.pixel, plot.weights, plot.residual,
+        plot.at_vertex[vertex], vertex,
+    )  # fmt: skip
+
+
+@bare_kernel
+def _reach(triangles, neighbors, first, last, pixel, weights, residual, start, vertex):
+    red = green = blue = energy = np.float32(0.0)
+    t = start
+    while True:
+        corner = corner_of(triangles, t, vertex)
+        for e in range(first[t], last[t]):
+            p, phi = pixel[e], weights[e, corner]
+            energy += phi * phi / (weights[e, 0] + weights[e, 1] + weights[e, 2])
+            red += phi * residual[p, 0]
+            green += phi * residual[p, 1]
+            blue += phi * residual[p, 2]
+        t = neighbors[t, (corner + 2) % 3]
+        if t == start:
+            break
+    return red, green, blue, energy
+
+
+@bare_kernel
+def _take_off(triangles, neighbors, first, last, pixel, weights, residual, start, vertex, red, green, blue):
+    t = start
+    while True:
+        corner = corner_of(triangles, t, vertex)
+        for e in range(first[t], last[t]):
+            p, phi = pixel[e], weights[e, corner]
+            residual[p, 0] -= phi * red
+            residual[p, 1] -= phi * green
+            residual[p, 2] -= phi * blue
+        t = neighbors[t, (corner + 2) % 3]
+        if t == start:
+            break
 
 
 @bare_kernel
@@ -80,27 +106,13 @@ def _disturb(plot, vertex, push):
 
 
 @bare_kernel
-def _pressure(phi, touched, residual, n, k):
-    total = 0.0
-    for i in range(n):
-        total += phi[touched[i]] * residual[touched[i], k]
-    return total
-
-
-@bare_kernel
-def _take_off(phi, touched, residual, n, k, step):
-    for i in range(n):
-        residual[touched[i], k] -= phi[touched[i]] * step
-
-
-@bare_kernel
 def usefulness(plot, vertex):
     """About how much squared error a whole vertex saves.
 
     Without it its place would take the colour of a plane through its neighbours' colours, so the picture
     would change by that difference times what the vertex gives to it.
     """
-    _, energy = reach(plot, vertex)
+    _, _, _, energy = reach(plot, vertex)
     m0, mx, my, mxx, mxy, myy = 0.0, 0.0, 0.0, 0.05, 0.0, 0.05
     start = plot.at_vertex[vertex]
     t = start

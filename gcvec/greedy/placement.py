@@ -95,7 +95,8 @@ def _look(first, last, pixels, weights, residual, under, taken, patch_at, patch,
 
 
 @bare_kernel
-def _look_everywhere(plot, seats):
+def look_everywhere(plot, seats):
+    """Look at every triangle in which something has changed."""
     offset = plot.first_row * plot.width
     for t in range(plot.counts[TRIANGLES]):
         if not plot.stale[t] or plot.triangles[t, 0] == NOBODY:
@@ -108,12 +109,10 @@ def _look_everywhere(plot, seats):
 
 
 @bare_kernel
-def _settle(plot, seats, pull, sweeps):
-    for _ in range(sweeps):
-        for v in range(plot.counts[VERTICES]):
-            if plot.whole[v] and plot.restless[v]:
-                adapt(plot, v, pull)
-    _look_everywhere(plot, seats)
+def _settle(plot, pull):
+    for v in range(plot.counts[VERTICES]):
+        if plot.whole[v] and plot.restless[v]:
+            adapt(plot, v, pull)
     return _square(plot.residual)
 
 
@@ -208,11 +207,9 @@ class Placement:
         # Patches may be so thin that they hold the centre of no pixel.
         self._n_patches = int(seats.patch.max()) + 1 if room is None else len(room)
         self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
+        self.error, self.lack = error, 0.0
         # Where strips overlap each sees its own changes only.
-        self.error, self.lack = 0.0, 0.0
-        self.settle(0)
-        self._elsewhere = error - self.error
-        self.error = error
+        self._elsewhere = error - sum(in_turn(lambda plot: _square(plot.residual), plots))
 
     def thin_out(self, share: float) -> None:
         """Take out the least useful `share` of the points, all over the picture, and of each patch that may
@@ -240,10 +237,9 @@ class Placement:
             limit[p] = _least(use[movable & (patch == p)], share)
         return limit
 
-    def settle(self, sweeps: int = 1) -> None:
-        """Let colours adapt, and look at every triangle again."""
-        squares = in_turn(lambda plot: _settle(plot, self._seats, self._pull, sweeps), self.plots)
-        self.error = self._elsewhere + sum(squares)
+    def settle(self) -> None:
+        """Let colours adapt."""
+        self.error = self._elsewhere + sum(in_turn(lambda plot: _settle(plot, self._pull), self.plots))
 
     def grow(self, goal: float, most: int) -> bool:
         """Place points until the error is `goal` or less, about `most` are placed, or plots have no room for
@@ -252,15 +248,21 @@ class Placement:
         What patches lack that may have no more points is not asked of the others (see `lack`).
         """
         placed = 0
+
+        def enough(missing: float) -> bool:
+            return missing <= NEAR_ENOUGH * goal or placed >= NEARLY * most
+
         for _ in range(MOST_LEVELS):
+            if self._room is None and enough(self.error - goal):
+                return True
             queues, full = self._queues()
             gain = np.sort(np.concatenate([q.gain for q in queues]))[::-1]
             missing = full.missing(self.error, goal, gain[0] if len(gain) else 0.0)
             self.lack = self.error - goal - missing
-            if missing <= NEAR_ENOUGH * goal or placed >= NEARLY * most:
-                return True
             if not len(gain):
-                return False
+                return enough(self.error - goal)
+            if enough(missing):
+                return True
             wanted = int(EAGER * how_many(gain, partial(full.missing, self.error, goal)))
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
             threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
@@ -284,7 +286,12 @@ class Placement:
     def _queues(self) -> tuple[list[Queue], Full]:
         """For each plot the triangles where a point would save something and may be, and the patches that may
         have no more points."""
-        queues = in_turn(useful, self.plots)
+
+        def look(plot: Plot) -> Queue:
+            look_everywhere(plot, self._seats)
+            return useful(plot)
+
+        queues = in_turn(look, self.plots)
         if self._room is None:
             return queues, NONE_FULL
         gain = np.concatenate([q.gain for q in queues])

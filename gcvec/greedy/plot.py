@@ -57,9 +57,6 @@ class Plot(NamedTuple):
     pixel       (e,) int32, of an entry
     weights     (e, 3) float32, what the corners give to it: they add up to the area covered
     residual    (p, 3) float32, photo less picture, in the rows of the strip
-    pixel_mark  (p,) int32, stamps
-    phi         (p,) float32, what a vertex gives to each pixel
-    touched     (p + 1,) int32, list of pixels
     corners     (MOST_CORNERS, 4) int64, scratch: edges of a hole
     ring        (MOST_CORNERS,) int64, scratch: its corners
     ears        (MOST_CORNERS, 3) int64, scratch: triangles that fill it
@@ -95,9 +92,6 @@ class Plot(NamedTuple):
     pixel: NDArray[np.int32]
     weights: NDArray[np.float32]
     residual: NDArray[np.float32]
-    pixel_mark: NDArray[np.int32]
-    phi: NDArray[np.float32]
-    touched: NDArray[np.int32]
     corners: Ints
     ring: Ints
     ears: Ints
@@ -167,9 +161,6 @@ def plot(
         pixel=np.empty(e, np.int32),
         weights=np.empty((e, 3), np.float32),
         residual=residual[own].copy(),
-        pixel_mark=np.zeros(n_pixels, np.int32),
-        phi=np.empty(n_pixels, np.float32),
-        touched=np.empty(n_pixels + 1, np.int32),
         corners=np.empty((MOST_CORNERS, 4), np.int64),
         ring=np.empty(MOST_CORNERS, np.int64),
         ears=np.empty((MOST_CORNERS, 3), np.int64),

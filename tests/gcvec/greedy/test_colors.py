@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcvec.greedy.colors import adapt, reach, usefulness
+from gcvec.greedy.colors import NO_STEP, adapt, reach, usefulness
 from tests.gcvec.greedy.gardens import PULL, alive, garden, whole_vertices
 
 
@@ -22,12 +22,12 @@ def slow_reach(plot, vertex: int) -> np.ndarray:
 def test_reach_is_that_of_all_triangles_about_a_vertex() -> None:
     (plot,) = garden("ring", 100).placement.plots
     for vertex in whole_vertices(plot)[::9]:
-        n, energy = reach(plot, vertex)
         slow = slow_reach(plot, vertex)
-        found = np.zeros(len(plot.residual))
-        found[plot.touched[:n]] = plot.phi[plot.touched[:n]]
-        np.testing.assert_allclose(found, slow, atol=1e-6)
-        assert energy == pytest.approx((slow**2).sum(), rel=1e-5)
+        *pressure, energy = reach(plot, vertex)
+        np.testing.assert_allclose(pressure, slow @ plot.residual, rtol=1e-4, atol=1e-3)
+        # Shares of a pixel count by themselves: by Jensen's inequality no less than together.
+        together = (slow**2).sum()
+        assert together * (1 - 1e-5) <= energy <= 1.25 * together
 
 
 def test_reach_is_a_column_of_the_exact_fit_where_every_vertex_is_a_control_point() -> None:
@@ -42,16 +42,29 @@ def test_reach_is_a_column_of_the_exact_fit_where_every_vertex_is_a_control_poin
         np.testing.assert_allclose(slow_reach(plot, vertex), exact[:, [at]].toarray().ravel(), atol=0.08)
 
 
-def test_adapting_finds_the_least_error_of_one_colour() -> None:
+def test_adapting_takes_a_step_towards_the_least_error_of_one_colour() -> None:
     (plot,) = garden("ring", 100).placement.plots
     for vertex in whole_vertices(plot)[::9]:
         phi, before = slow_reach(plot, vertex), plot.color[vertex].copy()
         without = plot.residual + phi[:, None] * before
         wanted = plot.photo[plot.seat[vertex]]
-        best = (phi @ without + PULL * wanted) / (phi @ phi + PULL)
+        best = np.clip((phi @ without + PULL * wanted) / (phi @ phi + PULL), 0, 1)
         adapt(plot, vertex, PULL)
-        np.testing.assert_allclose(plot.color[vertex], np.clip(best, 0, 1), atol=1e-4)
+        moved = plot.color[vertex] - before
+        assert (np.abs(moved) <= np.abs(best - before) + 1e-4).all()
+        assert (np.abs(plot.color[vertex] - best) <= 0.2 * np.abs(best - before) + NO_STEP).all()
         np.testing.assert_allclose(plot.residual, without - phi[:, None] * plot.color[vertex], atol=1e-5)
+
+
+def test_adapting_again_and_again_finds_it() -> None:
+    (plot,) = garden("ring", 100).placement.plots
+    vertex = whole_vertices(plot)[30]
+    phi = slow_reach(plot, vertex)
+    without = plot.residual + phi[:, None] * plot.color[vertex]
+    best = (phi @ without + PULL * plot.photo[plot.seat[vertex]]) / (phi @ phi + PULL)
+    for _ in range(10):
+        adapt(plot, vertex, PULL)
+    np.testing.assert_allclose(plot.color[vertex], np.clip(best, 0, 1), atol=2 * NO_STEP)
 
 
 def test_a_vertex_on_the_plane_of_its_neighbours_is_of_no_use() -> None:
@@ -60,15 +73,6 @@ def test_a_vertex_on_the_plane_of_its_neighbours_is_of_no_use() -> None:
     vertex = whole_vertices(plot)[30]
     flat = usefulness(plot, vertex)
     plot.color[vertex] += 0.1
-    _, energy = reach(plot, vertex)
+    *_, energy = reach(plot, vertex)
     assert flat < 1e-4 * usefulness(plot, vertex)
     assert usefulness(plot, vertex) == pytest.approx(3 * 0.01 * energy, rel=0.05)
-
-
-def test_a_vertex_may_reach_every_pixel() -> None:
-    """The list of pixels has room for all of them, and for the one that is overwritten next."""
-    start = garden("whole", 1)
-    (plot,) = start.placement.plots
-    (vertex,) = whole_vertices(plot)
-    n, _ = reach(plot, vertex)
-    assert n <= len(plot.residual) == len(plot.touched) - 1

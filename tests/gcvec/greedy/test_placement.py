@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcvec.greedy import begin
+from gcvec.greedy.placement import look_everywhere
 from gcvec.greedy.plot import VERTICES
 from gcvec.parallel import use_workers
 from tests.gcvec.greedy.gardens import Garden, alive, garden, painted
@@ -32,6 +33,7 @@ def test_gains_are_those_of_the_formula() -> None:
     start = garden("voronoi", 300)
     (plot,) = start.placement.plots
     seats = start.placement._seats
+    look_everywhere(plot, seats)
     for t in alive(plot)[::11]:
         assert plot.gain[t] <= slow_gain(plot, seats, t) * (1 + 1e-4) + 1e-9
         if plot.last[t] - plot.first[t] <= 8:  # all of its pixels are tried
