@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from gcvec.harmonic import harmonic_coordinates
-from gcvec.triangulation import constrained_delaunay
+from gcvec.patches.harmonic import harmonic_coordinates
+from gcvec.patches.triangulation import constrained_delaunay
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from examples import figures
 from examples.scenes import balls, vectorized_balls
 from gcvec import raster
-from gcvec.boundary_color import color_samples, fit_boundary_colors
-from gcvec.canonical import Canvas, lay_canvas
+from gcvec.colors.boundary_color import color_samples, fit_boundary_colors
+from gcvec.patches.canonical import Canvas, lay_canvas
 from gcvec.quantization import Quantization
-from gcvec.refine_paper import worst_pixels
-from gcvec.scene import Scene, Terms
+from gcvec.refinement.paper import worst_pixels
+from gcvec.refinement.scene import Scene, Terms
 from gcvec.timing import StageClock
 from gcvec.vector_image import to_8_bit
 

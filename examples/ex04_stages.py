@@ -11,8 +11,9 @@ from PIL import Image, ImageDraw
 
 from examples import figures
 from examples.scenes import balls, vectorized_balls
-from gcvec import VectorImage, bspline
-from gcvec.color_space import LEFT, RIGHT
+from gcvec import VectorImage
+from gcvec.curves import bspline
+from gcvec.patches.color_space import LEFT, RIGHT
 from gcvec.vector_image import to_8_bit
 
 WHITE, INK, RED = (255, 255, 255), (20, 40, 90), (226, 74, 51)

@@ -17,15 +17,15 @@ from skimage import data
 
 from examples import figures
 from examples.coons import Curve, Patch, generalized_coons, polyline, regular_polygon
-from gcvec import bspline
-from gcvec.borders import borders
-from gcvec.boundary import Network
-from gcvec.boundary_fit import fitted_network
-from gcvec.canonical import lay_unfolded_foundation
-from gcvec.drawing import folded
-from gcvec.planar_graph import planar_graph
+from gcvec.borders.border import borders
+from gcvec.borders.planar_graph import planar_graph
+from gcvec.curves import bspline
+from gcvec.curves.network import Network
+from gcvec.curves.network_fit import fitted_network
+from gcvec.patches.canonical import lay_unfolded_foundation
+from gcvec.patches.drawing import folded
 from gcvec.quantization import Quantization
-from gcvec.segment import segment
+from gcvec.regions.segment import segment
 
 Floats = NDArray[np.float64]
 

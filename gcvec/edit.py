@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.boundary import Network, straight_line
-from gcvec.canonical import Canvas, Foundation
-from gcvec.color_space import LEFT, RIGHT, ColorSpace, color_space
+from gcvec.codec.limits import too_far
+from gcvec.curves.network import Network, straight_line
 from gcvec.errors import InputError, pointing_at
-from gcvec.file_limits import too_far
 from gcvec.hex_color import rgb_from_hex
-from gcvec.mesh import patch_mesh
-from gcvec.patch import Blend
+from gcvec.patches.canonical import Canvas, Foundation
+from gcvec.patches.color_space import LEFT, RIGHT, ColorSpace, color_space
+from gcvec.patches.mesh import patch_mesh
+from gcvec.patches.patch import Blend
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]

@@ -10,26 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.annotations import Annotations
-from gcvec.borders import borders
-from gcvec.boundary_color import color_samples, fit_boundary_colors, hard_edges
-from gcvec.boundary_fit import fitted_network
-from gcvec.canonical import lay_unfolded_foundation
-from gcvec.localize import LARGEST_SHIFT, localized
+from gcvec.borders.border import borders
+from gcvec.borders.localize import LARGEST_SHIFT, localized
+from gcvec.borders.planar_graph import planar_graph
+from gcvec.colors.boundary_color import color_samples, fit_boundary_colors, hard_edges
+from gcvec.curves.network_fit import fitted_network
 from gcvec.metrics import Report, compare
 from gcvec.options import Options
 from gcvec.parallel import use_workers
-from gcvec.partition import Partition, partition
 from gcvec.parts.crew import Crew, refine_by
+from gcvec.patches.canonical import lay_unfolded_foundation
 from gcvec.photo import require_photo
-from gcvec.planar_graph import planar_graph
 from gcvec.progress import OnProgress, Progress
 from gcvec.quantization import Quantization
-from gcvec.refine import refine_batch
-from gcvec.refine_bytes import refine_to_bytes
-from gcvec.refinement import Step
-from gcvec.scene import Scene, Terms
-from gcvec.segment import CLEAR_STEP, FAINT_STEP, segment
-from gcvec.snap import snap_borders
+from gcvec.refinement.batch import refine_batch
+from gcvec.refinement.scene import Scene, Terms
+from gcvec.refinement.state import Step
+from gcvec.refinement.to_bytes import refine_to_bytes
+from gcvec.regions.partition import Partition, partition
+from gcvec.regions.segment import CLEAR_STEP, FAINT_STEP, segment
+from gcvec.regions.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
 
@@ -98,7 +98,7 @@ def vectorize(
         steps = Quantization.for_error(target_mse)
         terms = Terms(target_mse, steps, options.max_points, options.effort)
         if options.strategy == "paper":
-            from gcvec.refine_paper import refine_paper  # with the sparse solvers, which are slow to load
+            from gcvec.refinement.paper import refine_paper  # with the sparse solvers, which are slow to load
 
             found = refine_paper(scene, terms, tell.iteration, clock)
         else:

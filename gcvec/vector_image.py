@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec import raster
-from gcvec.boundary import Curve, Network
-from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation
-from gcvec.drawing import FLATNESS
+from gcvec.curves.network import Curve, Network
 from gcvec.errors import InputError
+from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundation
+from gcvec.patches.drawing import FLATNESS
 from gcvec.quantization import Quantization
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class VectorImage:
 
     @cached_property
     def _file(self) -> bytes:
-        from gcvec.codec import encode
+        from gcvec.codec.file import encode
 
         return encode(self)
 
@@ -150,7 +150,7 @@ class VectorImage:
     @classmethod
     def from_bytes(cls, data: bytes) -> VectorImage:
         """Read a `.gcv` file; `InputError` when it is not a whole one."""
-        from gcvec.codec import decode
+        from gcvec.codec.file import decode
 
         return decode(data)
 

@@ -12,7 +12,7 @@ from gcvec.cli._files import about, load_picture, require_folder, write
 from gcvec.cli._options import NEW_FILE, matte_option, picture_argument
 
 if TYPE_CHECKING:
-    from gcvec.partition import Partition
+    from gcvec.regions.partition import Partition
 
 
 @click.command()
@@ -44,7 +44,7 @@ def regions(image: Path, output: Path, count: int, matte: str) -> None:
     picture = load_picture(image, matte)
 
     from gcvec.io import DEFAULT_LIMITS
-    from gcvec.segment import segment
+    from gcvec.regions.segment import segment
 
     found, most = segment(picture.pixels, count), DEFAULT_LIMITS.max_polygons
     if not count and len(found.names) > most:

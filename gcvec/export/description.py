@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.color_space import LEFT, RIGHT
+from gcvec.borders.planar_graph import OUTSIDE
 from gcvec.export.triangles import drawn_triangles
-from gcvec.planar_graph import OUTSIDE
+from gcvec.patches.color_space import LEFT, RIGHT
 from gcvec.vector_image import VectorImage
 
 FORMAT = "gcvec/1"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from gcvec import bspline
+from gcvec.curves import bspline
 from gcvec.vector_image import VectorImage
 
 ERROR_GAIN = 8

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gcvec import bspline
+from gcvec.curves import bspline
 from gcvec.export.patch_rasters import PatchRaster, patch_rasters
 from gcvec.plain_text import plain_text
 from gcvec.vector_image import VectorImage

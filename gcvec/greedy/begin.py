@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.canonical import Canvas
 from gcvec.greedy.placement import Placement
 from gcvec.greedy.plot import Plot, plot
 from gcvec.greedy.seats import Seats
 from gcvec.parallel import SHARES, in_turn
+from gcvec.patches.canonical import Canvas
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

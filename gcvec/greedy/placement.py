@@ -24,9 +24,9 @@ from gcvec.greedy.plot import (
 from gcvec.greedy.queues import NONE_FULL, Full, Queue, how_many, useful
 from gcvec.greedy.seats import Seats, image_of
 from gcvec.kernels import bare_kernel
-from gcvec.mesh import jittered
 from gcvec.parallel import in_turn
-from gcvec.seeding import rank_in_group
+from gcvec.patches.mesh import jittered
+from gcvec.refinement.seeding import rank_in_group
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

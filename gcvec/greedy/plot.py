@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.coverage import POLYGONS, cells, cover_triangle, most_entries_of
 from gcvec.kernels import bare_kernel, kernel
+from gcvec.raster.coverage import POLYGONS, cells, cover_triangle, most_entries_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.canonical import Foundation
 from gcvec.kernels import bare_kernel
+from gcvec.patches.canonical import Foundation
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -14,7 +14,7 @@ from gcvec.io.outlines import Outline, outlines
 from gcvec.io.rle import runs_of
 
 if TYPE_CHECKING:
-    from gcvec.partition import Partition
+    from gcvec.regions.partition import Partition
 
 
 def write_coco(partition: Partition, image_name: str, limits: Limits = DEFAULT_LIMITS) -> bytes:

@@ -15,7 +15,7 @@ from gcvec.io.rle import runs_of
 from gcvec.plain_text import plain_text
 
 if TYPE_CHECKING:
-    from gcvec.partition import Partition
+    from gcvec.regions.partition import Partition
 
 
 def write_cvat_xml(partition: Partition, image_name: str, limits: Limits = DEFAULT_LIMITS) -> bytes:

@@ -15,14 +15,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.draft import by_rows
 from gcvec.parts.division import Part, divided, part_of
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.parts.part import refine_part
-from gcvec.refine import exchanges
-from gcvec.refinement import LEAST_CHANGE, Start, Step
-from gcvec.rounding import Rounding
-from gcvec.scene import Scene, Terms
+from gcvec.refinement.batch import exchanges
+from gcvec.refinement.draft import by_rows
+from gcvec.refinement.rounding import Rounding
+from gcvec.refinement.scene import Scene, Terms
+from gcvec.refinement.state import LEAST_CHANGE, Start, Step
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

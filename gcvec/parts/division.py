@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.boundary import Curve, Network
-from gcvec.canonical import Foundation
-from gcvec.color_space import color_space
-from gcvec.loops import network_loops
-from gcvec.mesh import COARSEST_LEVEL, FINEST_CELL
-from gcvec.planar_graph import OUTSIDE
+from gcvec.borders.planar_graph import OUTSIDE
+from gcvec.curves.loops import network_loops
+from gcvec.curves.network import Curve, Network
+from gcvec.patches.canonical import Foundation
+from gcvec.patches.color_space import color_space
+from gcvec.patches.mesh import COARSEST_LEVEL, FINEST_CELL
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

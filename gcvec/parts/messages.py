@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.boundary import Curve, Network
-from gcvec.loops import network_loops
+from gcvec.curves.loops import network_loops
+from gcvec.curves.network import Curve, Network
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.canonical import lay_foundation
-from gcvec.color_fit import ColorFit
-from gcvec.coverage import Coverage
-from gcvec.least_squares import from_pixels
+from gcvec.colors.color_fit import ColorFit
+from gcvec.colors.least_squares import from_pixels
 from gcvec.parts.messages import PartRequest, PartResult
+from gcvec.patches.canonical import lay_foundation
 from gcvec.quantization import Quantization
-from gcvec.refinement import LEAST_SPARE, Refinement, Start, Step
-from gcvec.scene import Scene, Terms
+from gcvec.raster.coverage import Coverage
+from gcvec.refinement.scene import Scene, Terms
+from gcvec.refinement.state import LEAST_SPARE, Refinement, Start, Step
 from gcvec.timing import StageClock
 
 SLIVER = 1e-3

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gcvec import VectorImage, bspline
+from gcvec import VectorImage
+from gcvec.curves import bspline
 from tests.browser import Browser, Page
 from tests.pictures import HEIGHT, WIDTH, drawing, photo
 from tests.servers import in_background

@@ -213,7 +213,7 @@ def test_a_job_that_misses_its_target_says_so(api: httpx.Client, photo: bytes) -
 
 @pytest.mark.contract("3: GET /v1/jobs/{id}/result: drawn from it alone")
 def test_the_description_is_enough_to_draw_the_picture(api: httpx.Client, finished: dict[str, Any]) -> None:
-    from gcvec.raster import paint
+    from gcvec.raster.painting import paint
 
     mesh = api.get(finished["links"]["result"]).json()["mesh"]
     triangles = np.array(mesh["triangles"])

@@ -10,13 +10,13 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcvec import Annotations, Shape
-from gcvec.borders import borders
-from gcvec.boundary_fit import fitted_network
-from gcvec.canonical import Foundation, lay_unfolded_foundation
-from gcvec.clearance import room
-from gcvec.components import connected_components
-from gcvec.planar_graph import planar_graph
+from gcvec.borders.border import borders
+from gcvec.borders.planar_graph import planar_graph
+from gcvec.curves.network_fit import fitted_network
+from gcvec.patches.canonical import Foundation, lay_unfolded_foundation
 from gcvec.quantization import Quantization
+from gcvec.refinement.clearance import room
+from gcvec.regions.components import connected_components
 
 FINE = 8
 """Samples a pixel, along each axis, of an anti-aliased picture."""

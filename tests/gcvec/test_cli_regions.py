@@ -12,8 +12,8 @@ from PIL import Image
 
 from gcvec.cli._app import run
 from gcvec.io import DEFAULT_LIMITS, read_annotations, read_picture
-from gcvec.partition import partition
-from gcvec.segment import segment
+from gcvec.regions.partition import partition
+from gcvec.regions.segment import segment
 
 
 @pytest.fixture(scope="module")

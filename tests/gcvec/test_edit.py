@@ -10,9 +10,9 @@ import pytest
 
 from examples.scenes import balls
 from gcvec import Annotations, InputError, Options, Shape, VectorImage, vectorize
-from gcvec.canonical import lay_canvas, lay_foundation
+from gcvec.borders.planar_graph import OUTSIDE
 from gcvec.edit import Move, Recolor, edit, hex_color, mean_color
-from gcvec.planar_graph import OUTSIDE
+from gcvec.patches.canonical import lay_canvas, lay_foundation
 
 Points = list[tuple[float, float]]
 

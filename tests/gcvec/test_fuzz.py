@@ -14,11 +14,11 @@ import pytest
 from numpy.typing import NDArray
 
 from gcvec import InputError
-from gcvec.codec import decode, encode, sealed
-from gcvec.entropy import finish, writer
-from gcvec.integer_coding import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
-from gcvec.mixing import fresh_model
-from gcvec.text_coding import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
+from gcvec.codec.file import decode, encode, sealed
+from gcvec.codec.integers import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
+from gcvec.codec.mixing import fresh_model
+from gcvec.codec.range_coder import finish, writer
+from gcvec.codec.text import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
 from tests.gcvec.test_pipeline import vectorized
 
 FILES = 10_000

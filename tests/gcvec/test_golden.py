@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from gcvec import VectorImage
-from gcvec.codec import encode
+from gcvec.codec.file import encode
 
 DATA = Path(__file__).parent.parent / "data"
 

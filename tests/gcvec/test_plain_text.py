@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gcvec import Annotations, InputError, Shape, VectorImage
-from gcvec.integer_coding import LONGEST
-from gcvec.partition import partition
+from gcvec.codec.integers import LONGEST
 from gcvec.plain_text import LONGEST_LABEL, plain_label
+from gcvec.regions.partition import partition
 from tests.pictures import drawing
 
 

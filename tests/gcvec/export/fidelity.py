@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
 
-from gcvec import VectorImage, bspline
+from gcvec import VectorImage
+from gcvec.curves import bspline
 
 SCALE = 2
 

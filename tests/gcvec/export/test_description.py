@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from gcvec import VectorImage, vectorize
+from tests.gcvec.patches.test_mesh import shoelace
 from tests.gcvec.scenes import Scene
-from tests.gcvec.test_mesh import shoelace
 
 ROOT = Path(__file__).parents[3]
 SCRIPT = ROOT / "examples" / "draw_from_json.py"
@@ -79,7 +79,7 @@ def test_loops_run_along_the_curves(image: VectorImage) -> None:
 
 
 def place(description: dict, span: dict, which: str) -> np.ndarray:
-    from gcvec import bspline
+    from gcvec.curves import bspline
 
     curve = description["curves"][span["curve"]]
     control = np.array(curve["control_points"])

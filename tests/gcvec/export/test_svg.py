@@ -11,7 +11,8 @@ import resvg_py
 from defusedxml import ElementTree
 from PIL import Image
 
-from gcvec import VectorImage, bspline
+from gcvec import VectorImage
+from gcvec.curves import bspline
 from gcvec.export.svg import svg
 from tests.browser import Browser
 from tests.gcvec.export.fidelity import SCALE, assert_faithful

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcvec.canonical import Canvas, Foundation, lay_unfolded_canvas
-from gcvec.clearance import room
-from gcvec.color_fit import ColorFit, color_fit
+from gcvec.colors.color_fit import ColorFit, color_fit
 from gcvec.greedy import Placement, begin_placement
 from gcvec.greedy.plot import TRIANGLES, VERTICES, Plot
 from gcvec.greedy.seats import seats
+from gcvec.patches.canonical import Canvas, Foundation, lay_unfolded_canvas
+from gcvec.refinement.clearance import room
 from tests.gcvec.scenes import SCENES, foundation_of, some_points
 
 PULL = 0.1

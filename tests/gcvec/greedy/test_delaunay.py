@@ -7,8 +7,8 @@ import pytest
 
 from gcvec.greedy.delaunay import insert, remove
 from gcvec.greedy.plot import NOBODY, VERTICES, Plot
-from gcvec.mesh import jitter
-from gcvec.triangulation import constrained_delaunay
+from gcvec.patches.mesh import jitter
+from gcvec.patches.triangulation import constrained_delaunay
 from tests.gcvec.greedy.gardens import alive, garden, triangle_keys, whole_vertices
 from tests.gcvec.scenes import some_points
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcvec.errors import InputError
 from gcvec.io import DEFAULT_LIMITS
 from gcvec.io.coco import read_coco
-from gcvec.partition import partition
+from gcvec.regions.partition import partition
 
 
 def document(*annotations: dict[str, Any], **image: Any) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gcvec.annotations import Annotations
 from gcvec.errors import InputError
 from gcvec.io import DEFAULT_LIMITS
 from gcvec.io.cvat_xml import read_cvat_xml
-from gcvec.partition import partition
+from gcvec.regions.partition import partition
 
 
 def document(*elements: str, name: str = "a.png", size: tuple[int, int] = (60, 40)) -> bytes:

@@ -22,7 +22,7 @@ from PIL import Image
 from gcvec.annotations import Annotations
 from gcvec.errors import InputError
 from gcvec.io import Limits, check_size, probe_picture, read_annotations, read_picture
-from gcvec.partition import partition
+from gcvec.regions.partition import partition
 
 SECONDS = 2
 """Processor time that no input may take; they are small."""

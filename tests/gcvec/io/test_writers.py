@@ -13,14 +13,14 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from scipy.ndimage import binary_fill_holes
 
-from gcvec.components import absorb_slivers, connected_components
 from gcvec.errors import InputError
 from gcvec.io import DEFAULT_LIMITS, Limits, check_size, read_annotations, write_coco, write_cvat_xml
 from gcvec.io.long_outlines import to_be_masked
 from gcvec.io.outlines import Outline, outlines
-from gcvec.partition import Partition, partition
-from gcvec.polygon_fill import fill_ring
-from gcvec.segment import segment
+from gcvec.regions.components import absorb_slivers, connected_components
+from gcvec.regions.partition import Partition, partition
+from gcvec.regions.polygon_fill import fill_ring
+from gcvec.regions.segment import segment
 
 Labels = NDArray[np.int32]
 Write = Callable[[Partition, str], bytes]

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gcvec.borders import borders
-from gcvec.boundary_fit import fitted_network
-from gcvec.canonical import Canvas, Foundation, lay_canvas, lay_foundation, lay_unfolded_foundation
+from gcvec.borders.border import borders
+from gcvec.borders.planar_graph import planar_graph
+from gcvec.curves.network_fit import fitted_network
 from gcvec.parts.division import CELL, divided, part_of
-from gcvec.planar_graph import planar_graph
+from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundation, lay_unfolded_foundation
 from gcvec.quantization import Quantization
 from tests.gcvec.scenes import SCENES, foundation_of, some_points, voronoi
 

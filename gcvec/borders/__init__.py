@@ -1,0 +1,1 @@
+"""Label map → borders at sub-pixel accuracy, shared by the regions on both sides."""

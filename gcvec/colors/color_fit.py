@@ -1,0 +1,46 @@
+"""Colours by least squares on blended pixels, equation (7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gcvec.colors.least_squares import NormalEquations, energies, from_pixels, misfit
+from gcvec.patches.canonical import Canvas
+from gcvec.raster.coverage import Coverage
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ColorFit:
+    """Equation (7) on one canvas: ŷ = B R x; R takes the unknowns to the mesh, B the mesh to pixels."""
+
+    operator: sparse.csr_array
+    design: sparse.csr_array
+    target: Floats
+
+    @cached_property
+    def energy(self) -> Floats:
+        """Squared sum over the pixels of what each colour on the mesh gives to them."""
+        return energies(self.design)
+
+    def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
+        """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""
+        return NormalEquations(self.operator, self.design, pull, self.target + pull[:, None] * prior)
+
+    def residual(self, colors: Floats, truth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What ŷ lacks to the pixels `truth` `(pixels, 3)`."""
+        return misfit(self.design, self.operator @ colors, truth)
+
+
+def color_fit(canvas: Canvas, coverage: Coverage, truth: NDArray[np.float32]) -> ColorFit:
+    """The fit of a canvas, whose drawing covers the pixels so, to the pixels `truth` `(pixels, 3)`."""
+    _, operator, corner_color = canvas.unit
+    design = coverage.matrix(corner_color, operator.shape[0])
+    return ColorFit(operator, design, operator.T @ from_pixels(design, truth))

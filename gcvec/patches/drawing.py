@@ -1,0 +1,124 @@
+"""The canonical mesh, taken to the image and tessellated as finely as a rendering needs.
+
+Straight mesh edges along a curve are replaced by polylines on the curve, flat to a tolerance. Both sides
+share them, so neighbours meet without gap or overlap at every scale; the mesh on which the coordinates were
+solved stays as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.curves.network import Network
+from gcvec.kernels import kernel
+from gcvec.patches.fans import fans
+from gcvec.patches.mesh import Mesh
+from gcvec.patches.samples import BoundarySamples
+from gcvec.patches.segment_table import segment_table
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FLATNESS = 0.01
+"""Distance between a drawn polyline and its curve, in output pixels, that nobody sees."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Triangles in the image whose corners know where their colours come from.
+
+    image      (v, 2) float64, pixels: the mesh's vertices, then tessellation points on the curves
+    triangles  (t, 3) int64
+    patch      (t,) int64
+    ends       (e, 2) int64, the samples around each tessellation point, and
+    along      (e,) how far between them it lies: so is its colour, at every scale
+    n_samples, n_vertices  how the vertices divide: samples, interior vertices of the mesh, tessellation
+                           points
+    """
+
+    image: Floats
+    triangles: Ints
+    patch: Ints
+    ends: Ints
+    along: Floats
+    n_samples: int
+    n_vertices: int
+
+
+def draw(
+    network: Network,
+    samples: BoundarySamples,
+    control_points: Floats,
+    mesh: Mesh,
+    interior: Floats,
+    flatness: float,
+) -> Drawing:
+    """Tessellate the mesh until polylines lie within `flatness` pixels of their curves; infinity: not at all.
+
+    `control_points` `(c, 2)` are those of all curves, `interior` `(v - n_samples, 2)` the places of the
+    interior vertices.
+    """
+    on_curve = samples.on_curves(control_points)
+    pieces = _pieces(network, samples, control_points, flatness)
+    table = segment_table(samples.segments, len(samples))
+    while True:
+        count = pieces - 1
+        first = len(mesh.vertices) + np.cumsum(count) - count
+        segment, along = _between_samples(count)
+        start, end = samples.segment_u[segment].T
+        control, weight = network.family.basis(samples.segment_curve[segment], start + (end - start) * along)
+        between = np.einsum("nk,nkd->nd", weight, control_points[control])
+        image = np.concatenate([on_curve, interior, between])
+        fan, owner = fans(mesh.triangles, table, first, count)
+        # Where the polyline would turn a triangle of the fan over, the segment is drawn as its chord.
+        corners = fan[folded(image, fan)]
+        added = corners[corners >= len(mesh.vertices)]
+        if not len(added):
+            break
+        pieces[np.searchsorted(first, added, side="right") - 1] = 1
+    whole = np.ones(len(mesh.triangles), bool)
+    whole[owner] = False
+    return Drawing(
+        image,
+        np.concatenate([mesh.triangles[whole], fan]),
+        np.concatenate([mesh.patch[whole], mesh.patch[owner]]),
+        samples.segments[segment],
+        along,
+        len(samples),
+        len(mesh.vertices),
+    )
+
+
+def folded(image: Floats, triangles: Ints) -> Ints:
+    """Triangles `(t, 3)` that S turned over or flattened: the fold-over certificate wants none."""
+    return np.flatnonzero(_is_folded(image, triangles))
+
+
+@kernel
+def _is_folded(image, triangles):
+    result = np.empty(len(triangles), np.bool_)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ux, uy = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
+        vx, vy = image[c, 0] - image[a, 0], image[c, 1] - image[a, 1]
+        result[t] = ux * vy - uy * vx <= 0
+    return result
+
+
+def _pieces(network: Network, samples: BoundarySamples, control_points: Floats, flatness: float) -> Ints:
+    """Into how many pieces each boundary segment is cut: |C''| du^2 / 8 bounds a chord's distance."""
+    family, curve, u = network.family, samples.segment_curve, samples.segment_u
+    span = np.minimum(u[:, 0].astype(np.int64), family.segments[curve] - 1)
+    bend = family.bend(control_points)[family.first_segment[curve] + span]
+    bound = bend * (u[:, 1] - u[:, 0]) ** 2 / 8
+    return np.maximum(np.ceil(np.sqrt(bound / flatness)), 1).astype(np.int64)
+
+
+def _between_samples(count: Ints) -> tuple[Ints, Floats]:
+    """Of `count` `(s,)` points that cut each segment evenly, the segments, and how far along they are."""
+    segment = np.repeat(np.arange(len(count)), count)
+    within = np.arange(len(segment)) - (np.cumsum(count) - count)[segment] + 1
+    return segment, within / (count[segment] + 1)

@@ -1,0 +1,106 @@
+"""Error-driven interior control points (paper, section 4.4): which rounds there are.
+
+Points are added until the picture is nearly good enough; then the least useful go, and others come where they
+buy more; at the end colours are stored in the steps that bring the file to the target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from gcvec.quantization import Quantization
+from gcvec.refinement.draft import drafted, measured_mse
+from gcvec.refinement.landing import Filed, landed
+from gcvec.refinement.scene import Scene, Terms
+from gcvec.refinement.state import FEW, GROWTH, LEAST_SPARE, Refinement, Start, Step
+from gcvec.timing import StageClock
+from gcvec.vector_image import VectorImage
+
+LANDING = 0.15
+"""If a picture is far better than it need be, no more than this share of the points is taken out at the end;
+with little effort none."""
+
+RETRIES = 4
+"""How often points are added again to a picture that no steps bring to its target."""
+
+
+class Effort(NamedTuple):
+    """What is done for fewer points.
+
+    growth     times as many points as there are, at most, that a round of growth adds: in smaller rounds
+               they go where the error still is
+    exchanges  shares of the points that later rounds take out, and place anew as far as the target asks for
+               it
+    """
+
+    growth: float
+    exchanges: tuple[float, ...]
+
+
+EFFORTS = {
+    1: Effort(6.0, ()),
+    2: Effort(GROWTH, ()),
+    3: Effort(GROWTH, (0.1,)),
+    4: Effort(GROWTH, (0.2,)),
+    5: Effort(GROWTH, (0.15, 0.1)),
+    6: Effort(GROWTH, (0.2, 0.15, 0.1)),
+    7: Effort(GROWTH, (0.25, 0.2, 0.2, 0.15, 0.1, 0.1)),
+    8: Effort(GROWTH, (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1)),
+    9: Effort(GROWTH, (0.3, 0.25, 0.25, 0.2, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.05)),
+}
+
+MORE_EXCHANGES = (0.15, 0.1)
+"""With few points there are more of them: not at the least effort."""
+
+
+def refine_batch(
+    scene: Scene,
+    terms: Terms,
+    on_step: Callable[[Step], None],
+    clock: StageClock,
+    start: Start | None = None,
+) -> tuple[bytes, VectorImage]:
+    """The file, and what it holds, of a scene on these terms.
+
+    `start` is there where the rounds up to the last exchange have been done.
+    """
+    state = Refinement(scene, terms, on_step, clock, start)
+    target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
+
+    def file(steps: Quantization) -> Filed:
+        data, image = drafted(state.canvas, state.points, state.colors, scene.labels, steps)
+        return Filed(data, image, measured_mse(image, scene.pixels))
+
+    def settled() -> Filed:
+        state.settle()
+        with clock.stage("encode"):
+            found = landed(file, terms.steps, state.mse, state.rounding(terms.steps), target_mse + state.lack)
+        state.learn(found.steps, found.mse)
+        return found
+
+    more = True
+    if start is None:
+        state.seed()
+        more = state.grow(effort.growth, early=bool(effort.exchanges))
+        if more or state.full:  # where no more points help, none can be spared
+            for share in exchanges(terms.effort, len(state.points)):
+                more = state.turn_over(share)
+    filed = settled()
+    if effort.exchanges and state.spare > LEAST_SPARE:
+        more = state.turn_over(min(state.spare, LANDING))
+        filed = settled()
+    for _ in range(RETRIES):
+        if filed.mse <= target_mse + state.lack or not more:
+            break
+        more = state.catch_up()
+        filed = settled()
+    if filed.mse > target_mse + state.lack and state.fall_back():
+        filed = settled()
+    return filed.data, filed.image
+
+
+def exchanges(effort: int, points: int) -> tuple[float, ...]:
+    """The shares that an effort means for a picture that has grown to so many points."""
+    shares = EFFORTS[effort].exchanges
+    return shares + MORE_EXCHANGES if shares and points < FEW else shares

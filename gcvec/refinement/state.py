@@ -1,0 +1,386 @@
+"""The state of refinement (paper, section 4.4), and its rounds.
+
+Each round fits all colours by least squares, equation (7), and measures the picture on its canonical mesh;
+from there points are taken out and put in greedily (`gcvec.greedy`), on a mesh that changes with each of
+them. One falling threshold serves all regions, so points go where they buy most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.colors.color_fit import ColorFit, color_fit
+from gcvec.colors.least_squares import solve, solve_bounded
+from gcvec.greedy import begin_placement
+from gcvec.greedy.seats import Seats, seats
+from gcvec.patches.canonical import lay_unfolded_canvas
+from gcvec.quantization import Quantization
+from gcvec.raster.coverage import Coverage
+from gcvec.refinement.clearance import room
+from gcvec.refinement.draft import by_rows
+from gcvec.refinement.rounding import Rounding
+from gcvec.refinement.scene import Scene, Terms
+from gcvec.refinement.seeding import seeds
+from gcvec.timing import StageClock
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+POINT_WEIGHT = 0.004
+"""w of equation (7), for every unit of the target: pull of a control point towards the colour of its pixel.
+Where nearly every pixel has one, each gives little to the picture, and a strong pull would keep it from its
+target."""
+
+BOUNDARY_WEIGHT = 0.002
+"""Pull of a boundary colour towards its first estimate (section 4.3), for every unit of the target."""
+
+PULLING_TARGETS = 1.0, 25.0
+"""Pulls are those of targets between these."""
+
+RISE = 0.75
+"""Without the least useful share s of its control points a picture has about 1 + 0.75 s times the error."""
+
+LEAST_SPARE = 0.12
+"""Fewer points than this share are not worth a round that takes them out: larger steps of colours make as
+good a use of what the picture has to spare."""
+
+SETTLED = 0.985
+"""Of a round's error about this share remains after the last fit."""
+
+FIRST_POINTS = 1 / 1500
+"""Points a pixel that a round may place, however few there are."""
+
+FEW = 10_000
+"""With fewer points exchanges take next to no time."""
+
+NEAR = 1.2
+EARLY, EARLY_NEAR = 1.3, 2.0
+"""Growth ends within the factor `NEAR` of the aim. Where exchanges follow it works, from `FEW` points on,
+towards `EARLY` times the aim, and ends within the factor `EARLY_NEAR`: they do the rest."""
+
+LEAST_CHANGE = 0.99
+"""Growth ends with a round that neither adds points nor brings the error below this share of what it was."""
+
+CROWDED = 1 / 8
+LEAST_RETURN = 0.1
+IDLE_ROUNDS = 2
+"""With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
+the number of points are the last."""
+
+FEW_A_PIXEL = 1 / 32
+"""With this many points a pixel or fewer nobody asks whether they are worth it."""
+
+SHIFTS = 0.35, 0.65
+"""Where strips of the picture are cut, in turn: nothing changes along a cut."""
+
+ROUND_ITERATIONS = 4
+FINAL_ITERATIONS = 7
+FINAL_SWEEPS = 2
+"""Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
+may take some sweeps to find the colours that stay at their bounds."""
+
+GROWTH = 3.0
+"""A round adds this many times the points there are, at most."""
+
+REPLACEMENT = 3.0
+"""A round that takes points out puts no more than this many times as many in."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a round found and did. Errors are on the 0-255 scale; `grown` are the regions that got points."""
+
+    iteration: int
+    points: int
+    worst_region: int
+    worst_error: float
+    mse: float
+    grown: frozenset[int]
+
+
+@dataclass(frozen=True)
+class Start:
+    """Control points `(n, 2)`, by rows, and all colours `(b + n, 3)` after so many rounds, and what full
+    regions lack (see `Refinement`)."""
+
+    points: Ints
+    colors: Floats
+    rounds: int
+    lack: float = 0.0
+
+
+class _Best(NamedTuple):
+    """The best bargain so far: what `Refinement._bargain` says of it, control points, colours, and what full
+    regions lack."""
+
+    bargain: float
+    points: Ints
+    colors: Floats
+    lack: float
+
+
+class Refinement:
+    """The refinement loop's state: control points, colours, and the canvas they are on.
+
+    points  (n, 2) int64, pixels of the parameter domain, by rows
+    colors  (b + n, 3) float64, all unknowns, boundary first
+    canvas  the mesh with these points
+    bias    the error that greedy placement expected of the last round over what it was
+    lack    how much of the error there is because regions may have no more points: what the others cannot
+            make up for, however many points are spent there
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        terms: Terms,
+        on_step: Callable[[Step], None],
+        clock: StageClock,
+        start: Start | None = None,
+    ) -> None:
+        """Without a `start` there are no points yet."""
+        self.foundation = scene.foundation
+        start = start or Start(np.zeros((0, 2), np.int64), scene.boundary_colors, 0)
+        self.points, self.colors = start.points, start.colors
+        self._prior = scene.boundary_colors
+        self._picture = np.divide(scene.pixels, np.float32(255))
+        self._truth = self._picture.reshape(-1, 3)
+        self._strength = float(np.clip(terms.target_mse, *PULLING_TARGETS))
+        self._rounding = Rounding(terms.target_mse, terms.steps)
+        self.bias, self.lack = 1.0, start.lack
+        self._max_points = terms.max_points
+        self._on_step = on_step
+        self._clock = clock
+        self._best: _Best | None = None
+        self._blocked = ~room(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
+        self._iteration = start.rounds
+        self._update()
+
+    @property
+    def aim(self) -> float:
+        """The error to aim at before colours are rounded."""
+        return self._rounding.aim(self._energy)
+
+    @property
+    def fair_aim(self) -> float:
+        """The mean error of a whole picture that is as good as the aim."""
+        return self.aim
+
+    @property
+    def _energy(self) -> float:
+        """What all colours give to a pixel, in squares."""
+        return float(self._fit.energy.sum()) / len(self._truth)
+
+    @property
+    def spare(self) -> float:
+        """Share of the control points that the picture can do without and still be as good as its aim."""
+        return max(self.aim / max(self.open_mse, 1e-9) - 1, 0.0) / RISE
+
+    def rounding(self, steps: Quantization) -> float:
+        """The error that rounding to these steps is expected to add."""
+        return self._rounding.cost(steps, self._energy)
+
+    def learn(self, steps: Quantization, mse: float) -> None:
+        """See what rounding costs: a file of the picture as it is has the error `mse` in these steps."""
+        self._rounding.learn(steps, self._energy, self.mse, mse, self.lack)
+
+    def grow(self, growth: float, early: bool) -> bool:
+        """Place points until the picture is nearly as good as the aim, in rounds that add `growth` times as
+        many as there are at most: with many points only until it is about as good, if that is `early` enough.
+        False: no more of them help."""
+        idle_rounds = 0
+        while True:
+            n, before = len(self.points), self.mse
+            goal, near = (EARLY, EARLY_NEAR) if early and n >= FEW else (1.0, NEAR)
+            if self.open_mse <= near * self.aim:
+                return True
+            if not self.turn_over(0.0, growth, self._foreseen(goal * self.aim, growing=True)):
+                return False
+            if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
+                return False
+            crowded = len(self.points) > CROWDED * len(self._truth)
+            helped = self.mse * max(len(self.points) / max(n, 1), 1) ** LEAST_RETURN < before
+            idle_rounds = idle_rounds + 1 if crowded and not helped else 0
+            if idle_rounds == IDLE_ROUNDS:
+                return False
+
+    def fall_back(self) -> bool:
+        """Go back to the points that were a better bargain than those there are, if some were: where the aim
+        cannot be reached, an error that has fallen by less than a small power of the number of points is not
+        worth them."""
+        if self._best is None or self._best.bargain >= self._bargain():
+            return False
+        self.points, self.colors, self.lack = self._best.points, self._best.colors, self._best.lack
+        self._update()
+        return True
+
+    def _remember(self) -> None:
+        bargain = self._bargain()
+        if self._best is None or bargain < self._best.bargain:
+            self._best = _Best(bargain, self.points, self.colors, self.lack)
+
+    def _bargain(self) -> float:
+        n = max(len(self.points), FEW_A_PIXEL * len(self._truth))
+        return float(self.mse * n**LEAST_RETURN)
+
+    def catch_up(self) -> bool:
+        """Place the points that are missing. False when no more points help."""
+        return self.turn_over(0.0, expected=self._foreseen(SETTLED * self.aim, growing=False))
+
+    def turn_over(self, share: float, growth: float = GROWTH, expected: float | None = None) -> bool:
+        """One round: take out the least useful `share` of the control points, and place as many new ones as
+        the aim asks for: where none were taken out, no more than `growth` times as many as there are.
+        `expected` is the error that placement ends with, where it is not left to the aim. False when no more
+        points help.
+        """
+        n = len(self.points)
+        self._remember()
+        with self._clock.stage("evaluation"):
+            expected = expected or self._foreseen(self.aim, growing=not share)
+            goal = self._to_square(expected)
+            on_canvas = self._fit.operator @ self.colors
+            del self._fit  # large, and no longer needed
+            placement = begin_placement(
+                self.canvas,
+                self.points,
+                on_canvas,
+                self._residual,
+                self._picture.reshape(-1, 3),
+                self._seats(),
+                self._room(),
+                POINT_WEIGHT * self._strength,
+                SHIFTS[self._iteration % 2],
+            )
+            placement.thin_out(share)
+            most = int((REPLACEMENT * share or growth) * n + FIRST_POINTS * len(self._truth)) + 4
+            more = placement.grow(goal, most)
+            self.points, colors, new = placement.result()
+            self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
+        foreseen, self.lack = placement.error, placement.lack * 65025 / self._truth.size
+        del placement
+        self._update(new)
+        self.bias = foreseen / max(self._to_square(self.mse), 1e-12)
+        return more
+
+    def _foreseen(self, mse: float, growing: bool) -> float:
+        """The error that greedy placement expects of a picture that comes to `mse` after the last fit.
+
+        After a round of growth the error is often a little lower than its placement foresaw; after one that
+        places few points it is not.
+        """
+        return (self.bias if growing else min(self.bias, 1.0)) * mse / SETTLED
+
+    def _seats(self) -> Seats:
+        taken = self._blocked.copy()
+        taken[self.points[:, 1], self.points[:, 0]] = True
+        return seats(self.foundation, taken)
+
+    def _room(self) -> Ints | None:
+        """How many more points each patch may have; None: any number."""
+        if not self._max_points:
+            return None
+        return np.maximum(self._max_points - self._points_by_region(), 0)
+
+    def _points_by_region(self) -> Ints:
+        return np.bincount(self.canvas.patch_of_points(), minlength=len(self.foundation.network.loops))
+
+    def _to_square(self, mse: float) -> float:
+        """Squared error, summed over pixels and channels, of a mean squared error on the 0-255 scale."""
+        return mse * self._truth.size / 65025
+
+    @property
+    def full(self) -> bool:
+        """Whether a region has as many points as it may have."""
+        return bool(self._max_points) and int(self._points_by_region().max()) >= self._max_points
+
+    @property
+    def open_mse(self) -> float:
+        """The error that is compared with the aim: the picture's without what regions lack that are full."""
+        return self.mse - self.lack
+
+    def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
+        """Bring the colours closer to the best ones for these control points."""
+        with self._clock.stage("optimization"):
+            equations = self._fit.equations(*self._pull())
+            self.colors = np.clip(solve(equations, self.colors, iterations, 1e-4), 0, 1)
+            self._measure()
+
+    def settle(self) -> None:
+        """The last fit: to convergence, and with every colour in [0, 1]."""
+        with self._clock.stage("optimization"):
+            equations = self._fit.equations(*self._pull())
+            self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5, FINAL_SWEEPS)
+            self._measure()
+
+    def seed(self) -> None:
+        """Place the first control points."""
+        with self._clock.stage("evaluation"):
+            new = seeds(
+                self._residual.reshape(self._picture.shape),
+                self.fair_aim,
+                self._blocked,
+                self.foundation.geometry.patch_at(),
+                self._max_points,
+            )
+        if len(new):
+            del self._fit
+            self._insert(new)
+
+    def _insert(self, new: Ints) -> None:
+        """Add control points `(n, 2)` with the colours of their pixels."""
+        n_boundary = len(self._prior)
+        points = np.concatenate([self.points, new])
+        order = by_rows(points)
+        colors = np.concatenate([self.colors[n_boundary:], self._picture[new[:, 1], new[:, 0]]])
+        self.points = points[order]
+        self.colors = np.concatenate([self.colors[:n_boundary], colors[order]])
+        self._update(order >= len(points) - len(new))
+
+    def _keep(self, kept: NDArray[np.bool_]) -> None:
+        n_boundary = len(self._prior)
+        self.points = self.points[kept]
+        self.colors = np.concatenate([self.colors[:n_boundary], self.colors[n_boundary:][kept]])
+
+    def _update(self, new: NDArray[np.bool_] | None = None) -> None:
+        """Canvas, colours and error for the points as they are, of which some are `new` `(n,)`."""
+        with self._clock.stage("mesh_harmonic"):
+            self.canvas, kept = lay_unfolded_canvas(self.foundation, self.points)
+            self.foundation = self.canvas.foundation
+            gone = self.points[~kept]
+            self._blocked[gone[:, 1], gone[:, 0]] = True
+            self._keep(kept)
+            fresh = slice(0) if new is None else new[kept]
+            grown = frozenset(self.canvas.patch_of_points()[fresh].tolist())
+        with self._clock.stage("evaluation"):
+            coverage = self.canvas.coverage(self.canvas.unit[0], np.float32)
+        with self._clock.stage("optimization"):
+            self._fit = self._fitted(coverage)
+            del coverage
+        self.converge(ROUND_ITERATIONS)
+        self._iteration += 1
+        square = (self._residual**2).sum(axis=1)
+        by_region = np.bincount(self.foundation.geometry.patch_at().ravel(), square)
+        worst = float(np.abs(self._residual).max() * 255)
+        self._on_step(
+            Step(self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown)
+        )
+
+    def _fitted(self, coverage: Coverage) -> ColorFit:
+        """The fit of the canvas, which covers the pixels so."""
+        return color_fit(self.canvas, coverage, self._truth)
+
+    def _pull(self) -> tuple[Floats, Floats]:
+        """What the unknowns are pulled towards, `(b + n, 3)`, and how much, `(b + n,)`."""
+        prior = np.concatenate([self._prior, self._picture[self.points[:, 1], self.points[:, 0]]])
+        pull = np.full(len(prior), POINT_WEIGHT * self._strength)
+        pull[: len(self._prior)] = BOUNDARY_WEIGHT * self._strength
+        return prior, pull
+
+    def _measure(self) -> None:
+        self._residual = self._fit.residual(self.colors, self._truth)
+        self.mse = float(np.mean(self._residual**2, dtype=np.float64) * 65025)

@@ -1,0 +1,163 @@
+"""Bottom-up merging of the regions of a picture by what the borders between them are worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcvec.disjoint_sets import united
+from gcvec.kernels import kernel
+from gcvec.regions.components import SLIVER_AREA
+
+_SATURATION = 4.0
+"""A piece of border is worth at most this many times what it costs: beyond that points could do its work."""
+
+_REGION_COST = 100.0
+"""The smaller a region, the stronger its border must be: at this area, px², a border must pay twice."""
+
+_BATCH = 20
+"""Of this many regions one is merged before the borders are weighed again."""
+
+_SLIVERS_FIRST = 1e3
+
+
+@dataclass(frozen=True)
+class Borders:
+    """The borders between regions, one a pair: `first < second`, each `(k,)`, in ascending order of the pair.
+
+    `length (k,)` counts the cracks of a border; `energy (k,)` sums over them the squared colour step across,
+    mean over the channels, `step (k, 3)` the step itself, from `first` to `second`. Steps are in units of the
+    step that is just worth a border.
+    """
+
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    length: NDArray[np.float64]
+    energy: NDArray[np.float64]
+    step: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+
+def borders_between(
+    origin: NDArray[np.int64], target: NDArray[np.int64], step: NDArray[np.float64]
+) -> Borders:
+    """The borders made of single cracks, each between the regions `origin (n,)` and `target (n,)`, with the
+    colour step `(n, 3)` from the one to the other."""
+    energy = np.square(step).mean(axis=1)
+    excess = np.maximum(energy / _SATURATION, 1.0)
+    step = step / np.sqrt(excess)[:, None]
+    n = int(max(origin.max(initial=-1), target.max(initial=-1))) + 1
+    return Borders(*summed(origin, target, np.ones(len(origin)), energy / excess, step, n))
+
+
+def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDArray[np.int64]:
+    """The group of every region, numbered from 0, after merging across the weakest borders.
+
+    `areas (n,)` are the regions' pixels. Regions under `SLIVER_AREA` merge first. Merging ends when every
+    border left is worth what it costs or, with `regions` > 0, when that many groups are left; the latter goes
+    on past the former and ends short of it.
+    """
+    groups = np.arange(len(areas))
+    while len(borders) and len(areas) > max(regions, 1):
+        b = borders
+        smaller, gain = border_gains(b.first, b.second, b.length, b.energy, b.step, areas)
+        chosen = weakest_of_smaller(borders.first, borders.second, smaller, gain, len(areas))
+        most = max(len(areas) // _BATCH, 1)
+        if regions:
+            most = min(most, len(areas) - regions)
+        else:
+            chosen = chosen[gain[chosen] < 0]
+        chosen = _smallest(gain, chosen, most)
+        if not len(chosen):
+            break
+        joined = united(borders.first[chosen], borders.second[chosen], len(areas))
+        areas = np.bincount(joined, areas).astype(np.int64)
+        groups = joined[groups]
+        first, second = joined[borders.first], joined[borders.second]
+        borders = Borders(*summed(first, second, borders.length, borders.energy, borders.step, len(areas)))
+    return groups
+
+
+@kernel
+def border_gains(first, second, length, energy, step, areas):
+    """The smaller region at each border, of equal ones the first, and what the border saves less what it
+    costs, per pixel of its length.
+
+    A step of one sign along the whole border counts in full; one whose sign changes, as between the grains of
+    a texture, counts half.
+    """
+    smaller, gain = np.empty(len(first), np.int64), np.empty(len(first))
+    for k in range(len(first)):
+        smaller[k] = second[k] if areas[second[k]] < areas[first[k]] else first[k]
+        area = areas[smaller[k]]
+        square = 0.0
+        for c in range(3):
+            square += (step[k, c] / length[k]) ** 2 / 3
+        gain[k] = (energy[k] / length[k] + square) / 2 - 1 - _REGION_COST / area
+        if area < SLIVER_AREA:
+            gain[k] -= _SLIVERS_FIRST
+    return smaller, gain
+
+
+@kernel
+def weakest_of_smaller(first, second, smaller, gain, n):
+    """The borders that are the weakest of all that the smaller of their regions has, one a region.
+
+    So a small region between two large ones joins one of them and never both at once, and no cycle arises.
+    """
+    weakest = np.full(n, np.inf)
+    for k in range(len(first)):
+        weakest[first[k]] = min(weakest[first[k]], gain[k])
+        weakest[second[k]] = min(weakest[second[k]], gain[k])
+    of_region = np.full(n, -1, np.int64)
+    for k in range(len(first)):
+        if gain[k] == weakest[smaller[k]] and of_region[smaller[k]] < 0:
+            of_region[smaller[k]] = k
+    return of_region[of_region >= 0]
+
+
+def _smallest(values: NDArray[np.float64], indices: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Those `count` of the indices that have the smallest values."""
+    if count >= len(indices):
+        return indices
+    return indices[np.argpartition(values[indices], count)[:count]]
+
+
+@kernel
+def summed(origin, target, length, energy, step, n):
+    """One border a pair of different regions, whichever of the two comes first: the columns of `Borders`."""
+    low, high = np.minimum(origin, target), np.maximum(origin, target)
+    order = _by(low, _by(high, np.flatnonzero(origin != target), n), n)
+    first, second = np.empty(len(order), np.int64), np.empty(len(order), np.int64)
+    lengths, energies, steps = np.empty(len(order)), np.empty(len(order)), np.empty((len(order), 3))
+    last = -1
+    for k in order:
+        if last < 0 or first[last] != low[k] or second[last] != high[k]:
+            last += 1
+            first[last], second[last] = low[k], high[k]
+            lengths[last], energies[last], steps[last] = 0.0, 0.0, 0.0
+        lengths[last] += length[k]
+        energies[last] += energy[k]
+        for c in range(3):
+            steps[last, c] += step[k, c] if origin[k] < target[k] else -step[k, c]
+    n = last + 1
+    return first[:n], second[:n], lengths[:n], energies[:n], steps[:n]
+
+
+@kernel
+def _by(keys, indices, n):
+    """The indices in the order of their keys, each below n; those of one key stay in their order."""
+    starts = np.zeros(n + 1, np.int64)
+    for k in indices:
+        starts[keys[k] + 1] += 1
+    for key in range(n):
+        starts[key + 1] += starts[key]
+    ordered = np.empty(len(indices), np.int64)
+    for k in indices:
+        ordered[starts[keys[k]]] = k
+        starts[keys[k]] += 1
+    return ordered

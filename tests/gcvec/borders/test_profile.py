@@ -1,0 +1,119 @@
+"""Steps across borders: against a slow reading of the profile, and where the truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy import ndimage, optimize
+
+from gcvec.borders.profile import (
+    FLANK,
+    LARGEST_RAMP,
+    LARGEST_SPREAD,
+    LEAST_STEP,
+    REACH,
+    SURE_STEP,
+    UNEVEN,
+    step_shifts,
+)
+
+OFFSETS = np.linspace(-REACH, REACH, 21)
+FLANKS = OFFSETS <= -FLANK, OFFSETS >= FLANK
+
+Side = Callable[[float], np.ndarray]
+
+
+def slow_step(picture: np.ndarray, point: np.ndarray, normal: np.ndarray) -> tuple[float, float, float]:
+    """Shift, trust and what shading adds, at one point."""
+    x, y = (point + OFFSETS[:, None] * normal).T - 0.5
+    profile = np.stack(
+        [ndimage.map_coordinates(picture[..., c], (y, x), order=1, mode="nearest") for c in range(3)], axis=1
+    )
+    low, high, spread = slow_sides(profile, 0)
+    step = high(0) - low(0)
+    if step @ step < 3 * LEAST_STEP**2:
+        middle = profile[np.abs(OFFSETS) <= FLANK] - (low(0) + high(0)) / 2
+        largest = (middle**2).sum(axis=1).max()
+        thin = largest >= 3 * SURE_STEP**2 and spread <= LARGEST_SPREAD**2 * largest
+        return np.nan, UNEVEN * thin, np.nan
+    trust = min(np.sqrt(step @ step / 3) / SURE_STEP, 1.0)
+    if spread > LARGEST_SPREAD**2 * step @ step:
+        return np.nan, trust * UNEVEN, np.nan
+    share = (profile - low(0)) @ step / (step @ step)
+    flat = REACH - np.trapezoid(np.clip(share, 0, 1), OFFSETS)
+    low, high, spread = slow_sides(profile, 1)
+    step = high(0) - low(0)
+    ramp = np.maximum(*(np.abs(side((REACH + FLANK) / 2) - side(0)) for side in (low, high)))
+    if (
+        step @ step < 3 * LEAST_STEP**2
+        or max(spread, ramp @ ramp * (LARGEST_SPREAD / LARGEST_RAMP) ** 2) > LARGEST_SPREAD**2 * step @ step
+    ):
+        return flat, trust, np.nan
+    area = np.trapezoid(profile, OFFSETS, axis=0) @ step
+
+    def excess(at: float) -> float:
+        near, far = (low(at) + low(-REACH)) / 2 * (at + REACH), (high(at) + high(REACH)) / 2 * (REACH - at)
+        return float((near + far) @ step - area)
+
+    return flat, trust, optimize.brentq(excess, -REACH, REACH) - flat
+
+
+def slow_sides(profile: np.ndarray, degree: int) -> tuple[Side, Side, float]:
+    """Both sides' colours as polynomials of the distance, and the mean squared distance of the samples."""
+    fits = [np.polyfit(OFFSETS[own], profile[own], degree) for own in FLANKS]
+    low, high = (lambda s, fit=fit: np.array([np.polyval(f, s) for f in fit.T]) for fit in fits)
+    off = [
+        np.mean([((profile[k] - side(OFFSETS[k])) ** 2).sum() for k in np.flatnonzero(own)])
+        for side, own in zip((low, high), FLANKS, strict=True)
+    ]
+    return low, high, float(np.mean(off))
+
+
+def test_steps_as_read_out_loud() -> None:
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[:30, :40] + 0.5
+    picture = 0.4 + 0.004 * x[..., None] * rng.uniform(-1, 1, 3) + 0.02 * rng.normal(size=(30, 40, 3))
+    picture += 0.2 * np.clip(x + 0.3 * y - 25, 0, 1)[..., None] * rng.uniform(-1, 1, 3)
+    points = rng.uniform([-1, -1], [41, 31], (1000, 2))
+    angle = rng.uniform(0, 2 * np.pi, 1000)
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    slow = np.array([slow_step(picture, p, n) for p, n in zip(points, normals, strict=True)])
+    fast = np.stack(step_shifts(picture, points, normals), axis=1)
+    assert np.isfinite(slow).sum(axis=0).min() > 20
+    np.testing.assert_allclose(fast, slow, atol=1e-9)
+
+
+@pytest.mark.parametrize("edge", [9.0, 9.2, 9.5, 9.9])
+def test_a_step_between_shaded_sides_stays_where_it_is(edge: float) -> None:
+    """The left side grows lighter towards the step: taken for flat, it would draw the step away."""
+    fine = (np.arange(20 * 64) + 0.5) / 64
+    profile = np.where(fine < edge, 0.3 + 0.03 * (fine - edge), 0.55).reshape(20, 64).mean(axis=1)
+    picture = np.tile(profile[None, :, None], (9, 1, 3))
+    at, at_flat = 9.4, 9.4
+    for _ in range(3):
+        shift, trust, shaded = step_shifts(picture, np.array([[at, 4.5]]), np.array([[1.0, 0.0]]))
+        at += shift[0] + shaded[0]
+        at_flat += step_shifts(picture, np.array([[at_flat, 4.5]]), np.array([[1.0, 0.0]]))[0][0]
+        assert trust[0] == 1
+    assert at == pytest.approx(edge, abs=0.025)
+    assert abs(at_flat - edge) > 0.1
+
+
+def test_no_step_no_shift() -> None:
+    shift, trust, shaded = step_shifts(
+        np.full((9, 9, 3), 0.5), np.array([[4.0, 4.0]]), np.array([[0.0, 1.0]])
+    )
+    assert np.isnan([shift[0], shaded[0]]).all()
+    assert trust[0] == 0
+
+
+def test_a_line_too_thin_is_seen_but_not_measured() -> None:
+    """A line of one pixel: the border on either side stays where it was drawn, and is no matter of taste."""
+    picture = np.full((9, 20, 3), 0.3)
+    picture[:, 10] = 0.8
+    for x in (10.0, 11.0):
+        shift, trust, shaded = step_shifts(picture, np.array([[x, 4.5]]), np.array([[1.0, 0.0]]))
+        assert np.isnan([shift[0], shaded[0]]).all()
+        assert trust[0] == UNEVEN

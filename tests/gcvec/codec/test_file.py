@@ -1,0 +1,101 @@
+"""Files: what comes back is what was saved, and nothing but an `InputError` comes of a broken one."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gcvec import InputError, VectorImage
+from gcvec.codec.file import decode, encode, sealed
+from tests.gcvec.scenes import SCENES
+from tests.gcvec.test_pipeline import vectorized
+
+
+@cache
+def file_of(scene: str) -> bytes:
+    return encode(vectorized(scene))
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_file_holds_the_whole_picture(scene: str) -> None:
+    image = vectorized(scene)
+    again = decode(file_of(scene))
+    np.testing.assert_array_equal(again.render(), image.render())
+    np.testing.assert_array_equal(again.render(2.5), image.render(2.5))
+    assert (again.width, again.height, again.labels) == (image.width, image.height, image.labels)
+    np.testing.assert_array_equal(again.points, image.points)
+    np.testing.assert_allclose(again.colors, image.colors, atol=1e-12)
+    assert encode(again) == file_of(scene)
+
+
+@pytest.mark.parametrize("scene", ["pixel", "ring", "voronoi"])
+def test_description_of_a_loaded_picture_is_the_same(scene: str) -> None:
+    image, again = vectorized(scene), decode(file_of(scene))
+    for part in ("format", "image", "curves"):
+        assert again.description()[part] == image.description()[part]
+
+
+def test_saving_and_loading(tmp_path: Path) -> None:
+    vectorized("ring").save(tmp_path / "ring.gcv")
+    np.testing.assert_array_equal(
+        VectorImage.load(tmp_path / "ring.gcv").render(), vectorized("ring").render()
+    )
+
+
+def test_labels_are_any_text() -> None:
+    image = vectorized("quadrants")
+    labels = ("", "ÅΩ 猫", 'a "quoted" \\ one', "\n")
+    assert decode(encode(replace(image, labels=labels))).labels == labels
+
+
+@pytest.mark.parametrize("scene", ["ring", "pixel"])
+def test_every_cut_is_refused(scene: str) -> None:
+    data = file_of(scene)
+    for n in {*range(min(len(data), 40)), *range(0, len(data), 37), len(data) - 1}:
+        with pytest.raises(InputError):
+            decode(data[:n])
+
+
+def test_other_files_are_refused() -> None:
+    other_versions = [b"GCV" + bytes([n]) + file_of("ring")[4:] for n in (0, 1, 2, 4, 255)]
+    for data in (b"", b"GCV", b"GIF89a" + bytes(50), *other_versions):
+        with pytest.raises(InputError):
+            decode(data)
+
+
+@settings(deadline=None, max_examples=60)
+@given(at=st.integers(0, 10**6), value=st.integers(1, 255))
+def test_a_flipped_byte_is_noticed(at: int, value: int) -> None:
+    data = bytearray(file_of("ring"))
+    data[at % len(data)] ^= value
+    with pytest.raises(InputError):
+        decode(bytes(data))
+
+
+@settings(deadline=None, max_examples=150)
+@given(scene=st.sampled_from(["ring", "quadrants", "stripes"]), data=st.data())
+def test_a_forged_file_decodes_or_is_refused(scene: str, data: st.DataObject) -> None:
+    """With the checksum mended, so that the damage reaches the decoder."""
+    stream = bytearray(file_of(scene)[8:])
+    for _ in range(data.draw(st.integers(1, 3))):
+        stream[data.draw(st.integers(0, len(stream) - 1))] ^= data.draw(st.integers(1, 255))
+    end = data.draw(st.one_of(st.just(len(stream)), st.integers(0, len(stream))))
+    try:
+        image = decode(sealed(bytes(stream[:end])))
+    except InputError:
+        return
+    assert image.render().shape == (image.height, image.width, 3)
+
+
+@settings(deadline=None, max_examples=60)
+@given(stream=st.binary(max_size=400))
+def test_random_bytes_are_refused_or_decoded(stream: bytes) -> None:
+    with contextlib.suppress(InputError):
+        decode(sealed(stream))

@@ -1,0 +1,87 @@
+"""The search for the error whose file has the size that was asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from skimage import data
+
+from gcvec import InputError, Options, Progress, vectorize
+from gcvec.refinement.to_bytes import CLOSE, MOST_RUNS, MSE_RANGE, refine_to_bytes
+
+
+class Refinement:
+    """A file whose size falls with a power of the error, above what its regions take."""
+
+    def __init__(self, power: float, regions: int) -> None:
+        self.power, self.regions = power, regions
+        self.runs: list[float] = []
+
+    def __call__(self, mse: float) -> tuple[bytes, Any]:
+        self.runs.append(mse)
+        return bytes(self.regions + int(90_000 * mse**self.power)), mse
+
+
+@pytest.mark.parametrize("target", [3_000, 20_000, 50_000, 150_000])
+@pytest.mark.parametrize(("power", "regions"), [(-0.5, 0), (-0.8, 0), (-0.8, 900), (-1.1, 500)])
+def test_the_file_is_as_large_as_it_may_be(power: float, regions: int, target: int) -> None:
+    refinement = Refinement(power, regions)
+    data, mse = refine_to_bytes(refinement, target)
+    assert CLOSE * target <= len(data) <= target
+    assert mse == refinement.runs[-1]
+    assert len(refinement.runs) <= MOST_RUNS
+
+
+def test_a_size_below_that_of_the_regions_is_refused() -> None:
+    with pytest.raises(InputError, match="coarsest version takes 9") as refusal:
+        refine_to_bytes(Refinement(-0.8, 900), 500)
+    assert refusal.value.pointer == "target_bytes"
+
+
+def test_the_coarsest_version_is_tried_before_giving_up() -> None:
+    """A size that jumps: the secant method alone would not come to the error that is large enough."""
+    runs: list[float] = []
+
+    def refine(mse: float) -> tuple[bytes, Any]:
+        runs.append(mse)
+        return bytes(400 if mse >= MSE_RANGE[1] else 5_000 + int(100 / mse)), mse
+
+    data, mse = refine_to_bytes(refine, 4_999)
+    assert (len(data), mse) == (400, MSE_RANGE[1])
+    assert len(runs) <= MOST_RUNS + 1
+
+
+def test_a_picture_is_made_to_fit() -> None:
+    pixels = data.chelsea()[80:160, 120:220]
+    free = vectorize(pixels, None, Options(target_mse=2))
+    target = int(0.8 * len(free.to_bytes()))
+    fitted = vectorize(pixels, None, Options(target_bytes=target))
+    assert len(fitted.to_bytes()) <= target
+    assert fitted.report.bytes == len(fitted.to_bytes())
+    assert fitted.report.mse > free.report.mse
+    assert fitted.warnings == ()
+
+
+def test_several_runs_are_told_as_one() -> None:
+    """The share of the work done goes on rising, and iterations are those of the run whose file it is."""
+    pixels = data.chelsea()[80:160, 120:220]
+    told: list[Progress] = []
+    fitted = vectorize(pixels, None, Options(target_bytes=1500), told.append)
+    assert fitted.report is not None
+    rounds = [p for p in told if p.phase == "refine"]
+    begins = [i for i, p in enumerate(rounds) if p.iteration == 1]
+    assert len(begins) > 1
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    assert all(rounds[i].fraction < 0.95 for i in begins)
+    assert rounds[begins[1] - 1].fraction == pytest.approx(0.525, abs=0.03)
+    longest = max(b - a for a, b in zip(begins, [*begins[1:], len(rounds)], strict=True))
+    assert max(region.iterations for region in fitted.report.regions) <= longest
+
+
+def test_automatic_regions_leave_room_in_a_small_file() -> None:
+    pixels = data.chelsea()[80:160, 120:220]
+    image = vectorize(pixels, None, Options(target_bytes=700))
+    assert len(image.to_bytes()) <= 700
+    assert len(image.labels) <= 2

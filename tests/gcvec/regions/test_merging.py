@@ -1,0 +1,67 @@
+"""Rounds of merging, against numpy and scipy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcvec.regions.components import SLIVER_AREA
+from gcvec.regions.merging import (
+    border_gains,
+    borders_between,
+    merged,
+    summed,
+    weakest_of_smaller,
+)
+
+
+def cracks(n: int, regions: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    origin, target = rng.integers(0, regions, (2, n))
+    return origin, target, rng.normal(0, 2, (n, 3))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_borders_are_summed_by_pairs(seed: int) -> None:
+    origin, target, step = cracks(300, 9, seed)
+    length, energy = np.random.default_rng(seed).random((2, 300))
+    first, second, lengths, energies, steps = summed(origin, target, length, energy, step, 9)
+    pairs = sorted({(min(a, b), max(a, b)) for a, b in zip(origin, target, strict=True) if a != b})
+    assert list(zip(first, second, strict=True)) == pairs
+    for k, (a, b) in enumerate(pairs):
+        forward, backward = (origin == a) & (target == b), (origin == b) & (target == a)
+        assert lengths[k] == pytest.approx(length[forward | backward].sum())
+        assert energies[k] == pytest.approx(energy[forward | backward].sum())
+        np.testing.assert_allclose(steps[k], step[forward].sum(axis=0) - step[backward].sum(axis=0))
+
+
+def test_gains_as_read_out_loud() -> None:
+    borders = borders_between(*cracks(200, 8, 2))
+    areas = np.array([5, 20, 20, 300, 1000, 12, 90, 4000])
+    smaller, gain = border_gains(
+        borders.first, borders.second, borders.length, borders.energy, borders.step, areas
+    )
+    for k in range(len(borders)):
+        a, b = borders.first[k], borders.second[k]
+        assert smaller[k] == (b if areas[b] < areas[a] else a)
+        mean = borders.step[k] / borders.length[k]
+        worth = (borders.energy[k] / borders.length[k] + (mean**2).mean()) / 2
+        small = areas[smaller[k]]
+        assert gain[k] == pytest.approx(worth - 1 - 100 / small - 1000 * (small < SLIVER_AREA))
+    chosen = weakest_of_smaller(borders.first, borders.second, smaller, gain, 8)
+    assert len(np.unique(smaller[chosen])) == len(chosen)
+    for region in range(8):
+        own = np.flatnonzero((borders.first == region) | (borders.second == region))
+        weakest = own[gain[own].argmin()]
+        assert (weakest in chosen) == (smaller[weakest] == region or weakest in chosen)
+        assert not any(smaller[k] == region for k in chosen if k != weakest)
+
+
+def test_merging_ends_where_every_border_pays() -> None:
+    """Three regions in a row: a faint border between the first two, a strong one to the third."""
+    origin, target = np.repeat([0, 1], 30), np.repeat([1, 2], 30)
+    step = np.repeat([[0.1] * 3, [3.0] * 3], 30, axis=0)
+    groups = merged(borders_between(origin, target, step), np.array([900, 900, 900]))
+    assert groups.tolist() == [0, 0, 1]
+    assert merged(borders_between(origin, target, step), np.array([900] * 3), 1).tolist() == [0, 0, 0]
+    assert merged(borders_between(origin, target, step), np.array([900] * 3), 3).tolist() == [0, 1, 2]
