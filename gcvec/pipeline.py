@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +22,14 @@ from gcvec.parallel import use_workers
 from gcvec.parts.crew import Crew, refine_by
 from gcvec.patches.canonical import lay_unfolded_foundation
 from gcvec.photo import require_photo
-from gcvec.progress import OnProgress, Progress
+from gcvec.progress import BEFORE_RUNS, OnProgress, Teller
 from gcvec.quantization import Quantization
-from gcvec.refinement.batch import refine_batch
+from gcvec.refinement.batch import exchanges, refine_batch
 from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.state import Step
-from gcvec.refinement.to_bytes import refine_to_bytes
+from gcvec.refinement.seeding import expected_points
+from gcvec.refinement.to_bytes import CLOSE, refine_to_bytes
 from gcvec.regions.partition import Partition, partition
-from gcvec.regions.segment import CLEAR_STEP, FAINT_STEP, segment
+from gcvec.regions.segment import CLEAR_STEP, segment
 from gcvec.regions.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
@@ -36,12 +37,16 @@ from gcvec.vector_image import VectorImage
 FULL = 0.95
 """A region with this share of the points it may have is taken as full: a few find no place."""
 
+EXPECTED = 0.55
+"""Automatic regions are divided until each is expected to need no more than this share of the points it may
+have: what is expected is often too little."""
+
+PIXELS_A_REGION = 1500
+"""On that account no more than one region for so many pixels."""
+
 BYTES_A_REGION = 350
 """No more automatic regions than this leaves room for in a file of a given size: three times what each
 takes."""
-
-BEFORE_RUNS, AFTER_RUNS = 0.1, 0.95
-"""Shares of the work that are done when refinement begins and when it ends."""
 
 ROUNDING = 0.1
 """The paper's refinement looks at colours as they are before they are rounded to the file's steps, which adds
@@ -64,21 +69,77 @@ def vectorize(
     """
     require_photo(pixels)
     options = options or Options()
-    start = time.perf_counter()
     use_workers(options.workers)
-    clock = StageClock()
-    height, width = pixels.shape[:2]
-    picture = pixels / 255.0
-    tell = _Teller(on_progress)
+    begin = time.perf_counter()
+    clock, tell = StageClock(), Teller(on_progress)
 
     tell.stage("regions", 0.01)
     with clock.stage("regions"):
-        regions = _regions(pixels, picture, annotations, options)
+        regions = _regions(pixels, annotations, options)
     tell.regions = len(regions.names)
+    scene = _scene(pixels, regions, _reach(annotations, options), clock, tell)
+
+    def refined(target_mse: float) -> _Refined:
+        return _refined(scene, replace(options, target_mse=target_mse), crew, clock, tell)
+
+    if options.target_bytes:
+        found = refine_to_bytes(refined, options.target_bytes)
+    else:
+        found = refined(options.target_mse)
+    with clock.stage("evaluation"):
+        report = compare(pixels, found.image, len(found.data))
+    report = replace(
+        report,
+        strategy=options.strategy,
+        seconds={**clock.seconds, "total": time.perf_counter() - begin},
+        regions=tuple(replace(r, iterations=found.iterations[r.id]) for r in report.regions),
+    )
+    tell.done(report.points, report.mse)
+    warnings = (*regions.warnings, *_shortfall(report, options))
+    image = replace(found.image, warnings=warnings, report=report)
+    return image.knowing(found.image.canvas, found.data, found.image.picture)
+
+
+def _regions(pixels: NDArray[np.uint8], annotations: Annotations | None, options: Options) -> Partition:
+    """The regions drawn, their borders snapped to the picture's edges; without annotations, those found."""
+    if annotations is None:
+        return _found_regions(pixels, options)
+    height, width = pixels.shape[:2]
+    regions = partition(annotations, width, height)
+    return replace(regions, labels=snap_borders(regions.labels, pixels / 255.0, options.snap))
+
+
+def _found_regions(pixels: NDArray[np.uint8], options: Options) -> Partition:
+    """As many regions as the options say, else as pay for themselves, and as hold the points that the picture
+    is expected to need."""
+    if options.regions:
+        return segment(pixels, options.regions)
+    if options.max_points:
+        need = expected_points(np.divide(pixels, np.float32(255)), options.target_mse)
+        most = max(EXPECTED * options.max_points, need.sum() * PIXELS_A_REGION / need.size)
+        found = segment(pixels, 0, CLEAR_STEP, need, most)
+    else:
+        found = segment(pixels, 0, CLEAR_STEP)
+    affordable = max(options.target_bytes // BYTES_A_REGION, 1)
+    too_many = options.target_bytes and len(found.names) > affordable
+    return segment(pixels, affordable) if too_many else found
+
+
+def _reach(annotations: Annotations | None, options: Options) -> float:
+    """How far borders may move from the label map's onto the picture's steps, pixels."""
+    return LARGEST_SHIFT if annotations is None else min(options.snap, LARGEST_SHIFT)
+
+
+def _scene(
+    pixels: NDArray[np.uint8], regions: Partition, reach: float, clock: StageClock, tell: Teller
+) -> Scene:
+    """Regions → curves, domains, S and the first boundary colours; borders move by `reach` pixels at most."""
+    height, width = pixels.shape[:2]
+    picture = pixels / 255.0
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
-        found = borders(planar_graph(regions.labels), width, height)
-        network = fitted_network(*localized(found, picture, _reach(annotations, options)))
+        traced = borders(planar_graph(regions.labels), width, height)
+        network = fitted_network(*localized(traced, picture, reach))
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
     tell.stage("mesh", BEFORE_RUNS)
@@ -88,120 +149,59 @@ def vectorize(
         boundary_colors = fit_boundary_colors(
             foundation.network, foundation.space, hard, samples, picture, regions.labels
         )
-    del picture  # large
-    scene = Scene(pixels, foundation, boundary_colors, regions.names)
+    return Scene(pixels, foundation, boundary_colors, regions.names)
 
-    iterations: dict[bytes, Counter[int]] = {}
 
-    def refined(target_mse: float) -> tuple[bytes, VectorImage]:
-        tell.run(target_mse, last=not options.target_bytes)
-        steps = Quantization.for_error(target_mse)
-        terms = Terms(target_mse, steps, options.max_points, options.effort)
-        if options.strategy == "paper":
-            from gcvec.refinement.paper import refine_paper  # with the sparse solvers, which are slow to load
+class _Refined(NamedTuple):
+    """The outcome of a run of refinement: a file, what it holds, its error, and in how many iterations each
+    region grew."""
 
-            found = refine_paper(scene, terms, tell.iteration, clock)
-        else:
-            start = None
-            if crew is not None and len(foundation.network.loops) > 1:
-                with clock.stage("parts"):
-                    start = refine_by(crew, scene, terms, tell.iteration)
-            found = refine_batch(scene, terms, tell.iteration, clock, start)
-        iterations[found[0]] = tell.iterations
-        return found
+    data: bytes
+    image: VectorImage
+    mse: float
+    iterations: Counter[int]
 
-    if options.target_bytes:
-        data, image = refine_to_bytes(refined, options.target_bytes)
+
+def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageClock, tell: Teller) -> _Refined:
+    """A scene refined to the target error of the options."""
+    batch = options.strategy == "batch"
+    steps = Quantization.for_error(options.target_mse)
+    terms = Terms(options.target_mse, steps, options.max_points, options.effort)
+    tell.run(
+        terms.target_mse,
+        exchanges=batch and bool(exchanges(terms.effort, 0)),
+        last=not options.target_bytes,
+    )
+    if batch:
+        start = None
+        if crew is not None and len(scene.foundation.network.loops) > 1:
+            with clock.stage("parts"):
+                start = refine_by(crew, scene, terms, tell.iteration)
+        draft = refine_batch(scene, terms, tell.iteration, clock, start)
     else:
-        data, image = refined(options.target_mse)
-    with clock.stage("evaluation"):
-        report = compare(pixels, image, len(data))
-    seconds = {**clock.seconds, "total": time.perf_counter() - start}
-    patches = tuple(replace(r, iterations=iterations[data][r.id]) for r in report.regions)
-    report = replace(report, strategy=options.strategy, seconds=seconds, regions=patches)
-    result = replace(image, warnings=(*regions.warnings, *_shortfall(report, options)), report=report)
-    tell.done(report.points, report.mse)
-    return result.knowing(image.canvas, data, image.picture)
+        from gcvec.refinement.paper import refine_paper  # with the sparse solvers, which are slow to load
 
-
-def _regions(
-    pixels: NDArray[np.uint8], picture: NDArray[np.float64], annotations: Annotations | None, options: Options
-) -> Partition:
-    if annotations is None:
-        # Where regions are bounded, more of them hold more control points.
-        as_many_as_pay = not options.regions and not options.max_points
-        found = segment(pixels, options.regions, CLEAR_STEP if as_many_as_pay else FAINT_STEP)
-        affordable = max(options.target_bytes // BYTES_A_REGION, 1)
-        if options.target_bytes and not options.regions and len(found.names) > affordable:
-            found = segment(pixels, affordable)
-        return found
-    height, width = pixels.shape[:2]
-    regions = partition(annotations, width, height)
-    return replace(regions, labels=snap_borders(regions.labels, picture, options.snap))
-
-
-def _reach(annotations: Annotations | None, options: Options) -> float:
-    """How far borders may move from the label map's onto the picture's steps, pixels."""
-    return LARGEST_SHIFT if annotations is None else min(options.snap, LARGEST_SHIFT)
+        draft = refine_paper(scene, terms, tell.iteration, clock)
+    return _Refined(draft.data, draft.image, draft.mse, tell.iterations)
 
 
 def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
     """In one line, by how much the picture misses its target and why; nothing where it does not."""
     mse = report.mse_raw if options.strategy == "paper" else report.mse
-    if mse <= options.target_mse or options.target_bytes:
-        return ()
+    wanted = mse if options.target_bytes else options.target_mse
     bound = options.max_points
-    full = [r for r in report.regions if bound and r.points >= FULL * bound and r.mse > options.target_mse]
+    full = sum(bool(bound) and r.points >= FULL * bound and r.mse > wanted for r in report.regions)
+    held_back = f"{full} of {report.patches} regions hold the {bound} control points that max_points allows"
+    if options.target_bytes:
+        if not full or report.bytes >= CLOSE * options.target_bytes:
+            return ()
+        return (f"the file takes {report.bytes} of {options.target_bytes} bytes, no more: {held_back}",)
+    if mse <= wanted:
+        return ()
     if full:
-        why = (
-            f"{len(full)} of {report.patches} regions hold the {bound} control points that max_points allows"
-        )
-    elif options.strategy == "paper" and mse <= (1 + ROUNDING) * options.target_mse:
+        why = held_back
+    elif options.strategy == "paper" and mse <= (1 + ROUNDING) * wanted:
         why = "rounding to the file's steps has cost the rest"
     else:
         why = "more control points no longer help"
-    return (f"the mean squared error stays at {mse:.2f}, above the target of {options.target_mse:g}: {why}",)
-
-
-class _Teller:
-    """Progress reports whose fraction never falls; counts the iterations in which each region grew."""
-
-    def __init__(self, on_progress: OnProgress | None) -> None:
-        self.on_progress = on_progress
-        self.regions = 0
-        self.fraction = 0.0
-        self.iterations: Counter[int] = Counter()
-
-    def _tell(
-        self, phase: str, region: int, iteration: int, points: int, worst: float | None, mse: float | None
-    ) -> None:
-        if self.on_progress:
-            self.on_progress(
-                Progress(phase, region, self.regions, iteration, points, worst, mse, self.fraction)
-            )
-
-    def run(self, target_mse: float, last: bool) -> None:
-        """A run of refinement begins. While none is known to be the last, each gets half of what is left."""
-        self.target_mse = target_mse
-        self.first_mse: float | None = None
-        self.iterations = Counter()
-        self._before = max(self.fraction, BEFORE_RUNS)
-        self._share = (AFTER_RUNS - self._before) * (1 if last else 0.5)
-
-    def stage(self, phase: str, fraction: float) -> None:
-        self.fraction = max(self.fraction, fraction)
-        self._tell(phase, 0, 0, 0, None, None)
-
-    def iteration(self, step: Step) -> None:
-        """Progress through refinement is measured by the logarithm of the error still to go."""
-        self.iterations.update(step.grown)
-        self.first_mse = self.first_mse or max(step.mse, self.target_mse * 1.001)
-        gone = np.log(self.first_mse / max(step.mse, self.target_mse)) / np.log(
-            self.first_mse / self.target_mse
-        )
-        self.fraction = max(self.fraction, self._before + self._share * float(np.clip(gone, 0, 1)))
-        self._tell("refine", step.worst_region, step.iteration, step.points, step.worst_error, step.mse)
-
-    def done(self, points: int, mse: float) -> None:
-        self.fraction = 1.0
-        self._tell("encode", 0, 0, points, None, mse)
+    return (f"the mean squared error stays at {mse:.2f}, above the target of {wanted:g}: {why}",)

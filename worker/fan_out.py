@@ -20,7 +20,7 @@ from obstore.exceptions import BaseError
 
 from gcvec.parts.messages import DamagedPartError, PartRequest, PartResult, request_bytes, result_from
 from gcvec.parts.part import refine_part
-from gcvec.refinement.state import Step
+from gcvec.refinement.scene import Step
 from worker import storage
 from worker.app import ASSIST, JOBS_QUEUE, app
 from worker.attempt import Attempt

@@ -100,13 +100,29 @@ def _douglas_peucker(points, starts, fewest, tolerance):
     return kept
 
 
-def polygon_edges(network: Network) -> tuple[Floats, Ints]:
-    """Parameter polygon edges of all curves, `(e, 2, 2) float64`, and the curve `(e,)` of each."""
-    sampling = network.sampling
+def sample_numbers(network: Network) -> tuple[Ints, NDArray[np.bool_]]:
+    """The number `(n,)` of each sample of the curves, nodes first, and which ones are the curve's own:
+    open curves end in nodes, closed ones where they began."""
+    sampling, closed, n_nodes = network.sampling, network.family.closed, network.n_nodes
+    start = np.array([c.start for c in network.curves])
+    end = np.array([c.end for c in network.curves])
+    first, last = sampling.starts[:-1], sampling.starts[1:] - 1
+    own = np.ones(len(sampling.u), bool)
+    own[last] = False
+    own[first[~closed]] = False
+    number = np.empty(len(own), np.int64)
+    number[own] = np.arange(n_nodes, n_nodes + own.sum())
+    number[first[~closed]], number[last[~closed]] = start[~closed], end[~closed]
+    number[last[closed]] = number[first[closed]]
+    return number, own
+
+
+def polygon_edges(network: Network) -> Ints:
+    """Parameter polygon edges `(e, 2)` of all curves, from sample to sample of the curves."""
     vertex = np.flatnonzero(polygon_vertices(network))
-    same = sampling.curve[vertex[:-1]] == sampling.curve[vertex[1:]]
-    a, b = vertex[:-1][same], vertex[1:][same]
-    return np.stack([sampling.points[a], sampling.points[b]], axis=1), sampling.curve[a]
+    curve = network.sampling.curve[vertex]
+    same = curve[:-1] == curve[1:]
+    return np.stack([vertex[:-1][same], vertex[1:][same]], axis=1)
 
 
 def crossing_curves(network: Network, among: Iterable[int] | None = None) -> Ints:
@@ -114,10 +130,27 @@ def crossing_curves(network: Network, among: Iterable[int] | None = None) -> Int
 
     Only pairs of edges of which one belongs to the curves `among` are looked at, if these are given.
     """
-    edges, owner = polygon_edges(network)
+    edges = polygon_edges(network)
+    owner = network.sampling.curve[edges[:, 0]]
+    places = network.sampling.points[edges]
     asked = np.ones(len(edges), bool)
     if among is not None:
         of_curve = np.zeros(len(network.curves), bool)
         of_curve[np.fromiter(among, np.int64)] = True
         asked = of_curve[owner]
-    return np.unique(owner[crossing_segments(edges, asked)])
+    bad = crossing_segments(places, asked) | _touching(places, sample_numbers(network)[0][edges], asked)
+    return np.unique(owner[bad])
+
+
+def _touching(places: Floats, number: Ints, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which edges `(e,)` end in the same place `(e, 2, 2)` as one that is asked, or, themselves asked, as
+    any, but in a vertex of another `number` `(e, 2)`."""
+    x, y = places.reshape(-1, 2).T
+    order = np.lexsort([number.ravel(), y, x])
+    one, next_one = order[:-1], order[1:]
+    apart = number.ravel()[one] != number.ravel()[next_one]
+    here = np.flatnonzero((x[one] == x[next_one]) & (y[one] == y[next_one]) & apart)
+    pairs = np.stack([one[here], next_one[here]], axis=1) // 2
+    touching = np.zeros(len(places), bool)
+    touching[pairs[asked[pairs].any(axis=1)]] = True
+    return touching

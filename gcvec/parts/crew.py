@@ -21,8 +21,8 @@ from gcvec.parts.part import refine_part
 from gcvec.refinement.batch import exchanges
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.rounding import Rounding
-from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.state import LEAST_CHANGE, Start, Step
+from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.state import LEAST_CHANGE
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -183,9 +183,9 @@ class _Rounds:
             self._states[result.number] = replace(result, course=course)
         self._done += 1
         self._shared = shared_pixels(self._pixels, self._parts, self._states)
-        self._on_step(self._step())
+        self._on_step(self._step(left=0 if any(shares) else None))
 
-    def _step(self) -> Step:
+    def _step(self, left: int | None) -> Step:
         worst = max(self._states, key=lambda state: state.square)
         grown = [self._parts[state.number].patches[state.grown] for state in self._states]
         return Step(
@@ -195,6 +195,7 @@ class _Rounds:
             max(state.worst for state in self._states),
             self.square * 65025 / self._pixels.size,
             frozenset(np.concatenate(grown).tolist()),
+            left,
         )
 
     def merged(self) -> Start:

@@ -14,8 +14,8 @@ from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.patches.canonical import lay_foundation
 from gcvec.quantization import Quantization
 from gcvec.raster.coverage import Coverage
-from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.state import LEAST_SPARE, Refinement, Start, Step
+from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.state import LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
 
 SLIVER = 1e-3

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.curves.domain import polygon_vertices
+from gcvec.curves.domain import polygon_edges, sample_numbers
 from gcvec.curves.network import Network
 
 Floats = NDArray[np.float64]
@@ -70,27 +70,16 @@ class BoundarySamples:
 def boundary_samples(network: Network) -> BoundarySamples:
     """Sample every curve of a network."""
     sampling, closed, n_nodes = network.sampling, network.family.closed, network.n_nodes
+    number, own = sample_numbers(network)
     start = np.array([c.start for c in network.curves])
     end = np.array([c.end for c in network.curves])
-    first, last = sampling.starts[:-1], sampling.starts[1:] - 1
-
-    # Every sample by its number: open curves end in nodes, closed ones where they began.
-    own = np.ones(len(sampling.u), bool)
-    own[last] = False
-    own[first[~closed]] = False
-    number = np.empty(len(own), np.int64)
-    number[own] = np.arange(n_nodes, n_nodes + own.sum())
-    number[first[~closed]], number[last[~closed]] = start[~closed], end[~closed]
-    number[last[closed]] = number[first[closed]]
-
     node_control = np.zeros(n_nodes, np.int64)
     node_control[start[~closed]] = network.offsets[:-1][~closed]
     node_control[end[~closed]] = network.offsets[1:][~closed] - 1
 
-    vertex = np.flatnonzero(polygon_vertices(network))
+    edges = polygon_edges(network)
     at = np.flatnonzero(own)
-    edge = np.searchsorted(vertex, at, side="right") - 1
-    a, b = vertex[edge], vertex[edge + 1]
+    a, b = edges[np.searchsorted(edges[:, 0], at, side="right") - 1].T
     along = (sampling.u[at] - sampling.u[a]) / (sampling.u[b] - sampling.u[a])
     domain = sampling.points[a] + along[:, None] * (sampling.points[b] - sampling.points[a])
     is_vertex = (along == 0)[:, None]
@@ -99,8 +88,6 @@ def boundary_samples(network: Network) -> BoundarySamples:
 
     step = np.flatnonzero(sampling.curve[:-1] == sampling.curve[1:])
     steps = np.stack([step, step + 1], axis=1)
-    same = sampling.curve[vertex[:-1]] == sampling.curve[vertex[1:]]
-    edges = np.stack([vertex[:-1][same], vertex[1:][same]], axis=1)
     return BoundarySamples(
         n_nodes=n_nodes,
         domain=np.concatenate([network.control_points[node_control], domain]),

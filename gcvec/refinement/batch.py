@@ -10,12 +10,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gcvec.quantization import Quantization
-from gcvec.refinement.draft import drafted, measured_mse
-from gcvec.refinement.landing import Filed, landed
-from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.state import FEW, GROWTH, LEAST_SPARE, Refinement, Start, Step
+from gcvec.refinement.draft import Draft, drafted
+from gcvec.refinement.landing import landed
+from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.state import FEW, GROWTH, LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
-from gcvec.vector_image import VectorImage
 
 LANDING = 0.15
 """If a picture is far better than it need be, no more than this share of the points is taken out at the end;
@@ -60,19 +59,18 @@ def refine_batch(
     on_step: Callable[[Step], None],
     clock: StageClock,
     start: Start | None = None,
-) -> tuple[bytes, VectorImage]:
-    """The file, and what it holds, of a scene on these terms.
+) -> Draft:
+    """The file of a scene on these terms.
 
     `start` is there where the rounds up to the last exchange have been done.
     """
     state = Refinement(scene, terms, on_step, clock, start)
     target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
-    def file(steps: Quantization) -> Filed:
-        data, image = drafted(state.canvas, state.points, state.colors, scene.labels, steps)
-        return Filed(data, image, measured_mse(image, scene.pixels))
+    def file(steps: Quantization) -> Draft:
+        return drafted(state.canvas, state.points, state.colors, scene, steps)
 
-    def settled() -> Filed:
+    def settled() -> Draft:
         state.settle()
         with clock.stage("encode"):
             found = landed(file, terms.steps, state.mse, state.rounding(terms.steps), target_mse + state.lack)
@@ -84,20 +82,23 @@ def refine_batch(
         state.seed()
         more = state.grow(effort.growth, early=bool(effort.exchanges))
         if more or state.full:  # where no more points help, none can be spared
-            for share in exchanges(terms.effort, len(state.points)):
+            shares = exchanges(terms.effort, len(state.points))
+            for n, share in enumerate(shares, start=1):
+                state.left = len(shares) - n
                 more = state.turn_over(share)
-    filed = settled()
+    state.left = 0
+    draft = settled()
     if effort.exchanges and state.spare > LEAST_SPARE:
         more = state.turn_over(min(state.spare, LANDING))
-        filed = settled()
+        draft = settled()
     for _ in range(RETRIES):
-        if filed.mse <= target_mse + state.lack or not more:
+        if draft.mse <= target_mse + state.lack or not more:
             break
         more = state.catch_up()
-        filed = settled()
-    if filed.mse > target_mse + state.lack and state.fall_back():
-        filed = settled()
-    return filed.data, filed.image
+        draft = settled()
+    if draft.mse > target_mse + state.lack and state.fall_back():
+        draft = settled()
+    return draft
 
 
 def exchanges(effort: int, points: int) -> tuple[float, ...]:

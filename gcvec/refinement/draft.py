@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,29 @@ from gcvec.codec.file import encode_rounded
 from gcvec.metrics import squared_error
 from gcvec.patches.canonical import Canvas
 from gcvec.quantization import Quantization
+from gcvec.refinement.scene import Scene
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def drafted(
-    canvas: Canvas, points: Ints, colors: Floats, labels: tuple[str, ...], steps: Quantization
-) -> tuple[bytes, VectorImage]:
-    """The file in these steps, and the vector image it holds, for a canvas with control points `(n, 2)`, by
-    rows, and all unknown colours `(b + n, 3)`; `labels` are those of the regions."""
+@dataclass(frozen=True)
+class Draft:
+    """A file, what it holds, and the mean squared error of its picture (0-255 scale)."""
+
+    data: bytes
+    image: VectorImage
+    mse: float
+
+    @property
+    def steps(self) -> Quantization:
+        return self.image.quantization
+
+
+def drafted(canvas: Canvas, points: Ints, colors: Floats, scene: Scene, steps: Quantization) -> Draft:
+    """The file in these steps for a canvas with control points `(n, 2)`, by rows, and all colours
+    `(b + n, 3)`."""
     foundation, n_boundary = canvas.foundation, canvas.foundation.space.size
     image = VectorImage(
         foundation.network,
@@ -29,20 +41,15 @@ def drafted(
         colors[:n_boundary],
         points,
         colors[n_boundary:],
-        labels,
+        scene.labels,
         steps,
     )
     # A decoder lays the same foundation and canvas again.
     data, boundary_colors, point_colors = encode_rounded(image.knowing(canvas))
-    image = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
-    return data, image.knowing(canvas, data)
+    image = replace(image, boundary_colors=boundary_colors, point_colors=point_colors).knowing(canvas, data)
+    return Draft(data, image, float(squared_error(image.picture, scene.pixels).mean()))
 
 
 def by_rows(points: Ints) -> Ints:
     """The order in which a file keeps control points `(n, 2)`."""
     return np.lexsort((points[:, 0], points[:, 1]))
-
-
-def measured_mse(image: VectorImage, pixels: NDArray[np.uint8]) -> float:
-    """Mean squared error of the rendered picture against the photo `(h, w, 3) uint8`."""
-    return float(squared_error(image.picture, pixels).mean())

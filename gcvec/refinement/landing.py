@@ -8,11 +8,10 @@ round of refinement.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import ceil
 
 from gcvec.quantization import Quantization
-from gcvec.vector_image import VectorImage
+from gcvec.refinement.draft import Draft
 
 LEAST_SCALE, MOST_SCALE = 0.75, 1.25
 """How far steps may differ from the planned ones: beyond, more or fewer points are the better way."""
@@ -26,26 +25,13 @@ WORTH = 32
 MOST_FILES = 4
 
 
-@dataclass(frozen=True)
-class Filed:
-    """A file, what it holds, and the mean squared error of its picture (0-255 scale)."""
-
-    data: bytes
-    image: VectorImage
-    mse: float
-
-    @property
-    def steps(self) -> Quantization:
-        return self.image.quantization
-
-
 def landed(
-    file: Callable[[Quantization], Filed],
+    file: Callable[[Quantization], Draft],
     planned: Quantization,
     before: float,
     rounding: float,
     target_mse: float,
-) -> Filed:
+) -> Draft:
     """The file with the largest colour steps, near the planned ones, whose error is `target_mse` or less.
 
     `before` is the error before rounding, and `rounding` what the planned steps are expected to add. Where no
@@ -55,7 +41,7 @@ def landed(
     if before >= target_mse:
         return file(planned)
 
-    def in_steps_of(step: int) -> Filed:
+    def in_steps_of(step: int) -> Draft:
         return file(planned.scaled(step / planned.point_step))
 
     def largest(step: int, rounding: float) -> int:

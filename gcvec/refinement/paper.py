@@ -20,11 +20,9 @@ from gcvec.patches.drawing import folded
 from gcvec.patches.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patches.patch import blend
 from gcvec.refinement.clearance import room
-from gcvec.refinement.draft import by_rows, drafted
-from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.state import Step
+from gcvec.refinement.draft import Draft, by_rows, drafted
+from gcvec.refinement.scene import Scene, Step, Terms
 from gcvec.timing import StageClock
-from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,10 +31,8 @@ WEIGHT = 30.0
 """w of equation (7)."""
 
 
-def refine_paper(
-    scene: Scene, terms: Terms, on_step: Callable[[Step], None], clock: StageClock
-) -> tuple[bytes, VectorImage]:
-    """The file, and what it holds, with every region's own error below the target: that of colours before
+def refine_paper(scene: Scene, terms: Terms, on_step: Callable[[Step], None], clock: StageClock) -> Draft:
+    """A file with every region's own error below the target: that of colours before
     they are rounded. Every iteration adds one point."""
     points, colors = worst_pixels(scene, terms, on_step, clock)
     with clock.stage("encode"):
@@ -44,7 +40,7 @@ def refine_paper(
         points = points[order]
         colors = np.concatenate([scene.boundary_colors, colors[n_boundary:][order]])
         canvas = lay_canvas(scene.foundation, points)
-        return drafted(canvas, points, colors, scene.labels, terms.steps)
+        return drafted(canvas, points, colors, scene, terms.steps)
 
 
 def worst_pixels(

@@ -1,4 +1,4 @@
-"""What refinement starts from, and what it has to come to: whichever way it goes."""
+"""What refinement starts from, what it has to come to and what it tells: whichever way it goes."""
 
 from __future__ import annotations
 
@@ -42,3 +42,33 @@ class Terms:
     steps: Quantization
     max_points: int
     effort: int = Options.effort
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a refinement goes on that others have begun.
+
+    points  (n, 2) int64, control points, by rows
+    colors  (b + n, 3) float64, all colours, boundary first
+    rounds  how many there have been
+    lack    how much of the error there is because regions may have no more points
+    """
+
+    points: NDArray[np.int64]
+    colors: NDArray[np.float64]
+    rounds: int
+    lack: float = 0.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a round found and did. Errors are on the 0-255 scale; `grown` are the regions that got points, and
+    `left` is how many rounds are planned after it, None while nobody knows."""
+
+    iteration: int
+    points: int
+    worst_region: int
+    worst_error: float
+    mse: float
+    grown: frozenset[int]
+    left: int | None = None

@@ -12,15 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.kernels import kernel
-from gcvec.smoothing import gaussian
+from gcvec.smoothing import box_mean, gaussian
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FEWEST_PER_BEND, POINTS_PER_BEND = 0.05, 0.12
-"""Points a pixel for |H| = 1, in units of the root of the wanted mean squared error per pixel squared: about
-a third of the points that the picture will need, so that few of them turn out to be of little use; and fewer
-where it needs few, since most of what bends there is noise."""
+"""Points a pixel for |H| = 1, in units of the root of the wanted mean squared error per pixel squared: few
+enough that few turn out to be of little use; and fewer where a picture needs few, since most of what bends
+there is noise."""
+
+SEEDED = 0.35
+"""About this share of the points that the picture will need are placed at once."""
+
+NEARBY = 31
+"""Pixels across the surroundings that tell how many points a place will need."""
 
 SPARSE, DENSE = 0.01, 0.03
 """Fewer than so many points a pixel, by the lower factor, call for the lower one, and more for the higher."""
@@ -44,13 +50,8 @@ def seeds(
     `target_mse` is on the 0-255 scale; pixels that are `blocked` `(h, w)` get no point. `patch_at` `(h, w)`
     is each pixel's patch, which gets about half of its `max_points` at most; 0 lifts the bound.
     """
-    bend = np.sqrt(np.mean([_second_derivatives(residual[..., k]) for k in range(3)], axis=0))
-    bend *= 255 / np.sqrt(target_mse)
-    density = np.maximum(bend ** (2 / 3) - LEAST_BEND ** (2 / 3), 0)
-    density *= np.interp(
-        FEWEST_PER_BEND * density.mean(), (SPARSE, DENSE), (FEWEST_PER_BEND, POINTS_PER_BEND)
-    )
-    density = np.minimum(gaussian(density, 1.0), MOST_POINTS)
+    bent = _bent(residual, target_mse)
+    density = np.minimum(gaussian(bent * _points_per_bend(bent.mean()), 1.0), MOST_POINTS)
     if max_points:
         expected = np.bincount(patch_at.ravel(), density.ravel())
         density *= np.minimum(1, max_points / 2 / np.maximum(expected, 1e-9))[patch_at]
@@ -65,6 +66,26 @@ def rank_in_group(group: Ints) -> Ints:
     rank = np.empty(len(group), np.int64)
     rank[order] = np.arange(len(group)) - np.searchsorted(group[order], group[order])
     return rank
+
+
+def expected_points(picture: NDArray[np.floating], target_mse: float) -> Floats:
+    """About how many control points each pixel of a picture `(h, w, 3)` in [0, 1] will have in the end, for a
+    mean squared error of `target_mse` (0-255 scale), if none of what bends is on a border: `(h, w)`."""
+    bent = _bent(picture, target_mse)
+    density = bent * _points_per_bend(box_mean(bent, NEARBY))
+    return np.asarray(np.minimum(density, MOST_POINTS) / SEEDED)
+
+
+def _bent(picture: NDArray[np.floating], target_mse: float) -> Floats:
+    """|H|^(2/3), in units of the error wanted, as far as it calls for points `(h, w)`."""
+    bend = np.sqrt(np.mean([_second_derivatives(picture[..., k]) for k in range(3)], axis=0))
+    bend *= 255 / np.sqrt(target_mse)
+    return np.asarray(np.maximum(bend ** (2 / 3) - LEAST_BEND ** (2 / 3), 0.0), np.float64)
+
+
+def _points_per_bend(bent: Floats) -> Floats:
+    """By how much of it there is around."""
+    return np.interp(FEWEST_PER_BEND * bent, (SPARSE, DENSE), (FEWEST_PER_BEND, POINTS_PER_BEND))
 
 
 def _second_derivatives(channel: NDArray[np.floating]) -> Floats:

@@ -8,7 +8,6 @@ them. One falling threshold serves all regions, so points go where they buy most
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ from gcvec.raster.coverage import Coverage
 from gcvec.refinement.clearance import room
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.rounding import Rounding
-from gcvec.refinement.scene import Scene, Terms
+from gcvec.refinement.scene import Scene, Start, Step, Terms
 from gcvec.refinement.seeding import seeds
 from gcvec.timing import StageClock
 
@@ -91,29 +90,6 @@ REPLACEMENT = 3.0
 """A round that takes points out puts no more than this many times as many in."""
 
 
-@dataclass(frozen=True)
-class Step:
-    """What a round found and did. Errors are on the 0-255 scale; `grown` are the regions that got points."""
-
-    iteration: int
-    points: int
-    worst_region: int
-    worst_error: float
-    mse: float
-    grown: frozenset[int]
-
-
-@dataclass(frozen=True)
-class Start:
-    """Control points `(n, 2)`, by rows, and all colours `(b + n, 3)` after so many rounds, and what full
-    regions lack (see `Refinement`)."""
-
-    points: Ints
-    colors: Floats
-    rounds: int
-    lack: float = 0.0
-
-
 class _Best(NamedTuple):
     """The best bargain so far: what `Refinement._bargain` says of it, control points, colours, and what full
     regions lack."""
@@ -130,6 +106,7 @@ class Refinement:
     points  (n, 2) int64, pixels of the parameter domain, by rows
     colors  (b + n, 3) float64, all unknowns, boundary first
     canvas  the mesh with these points
+    left    how many rounds are planned after this one, None while nobody knows
     bias    the error that greedy placement expected of the last round over what it was
     lack    how much of the error there is because regions may have no more points: what the others cannot
             make up for, however many points are spent there
@@ -152,6 +129,7 @@ class Refinement:
         self._truth = self._picture.reshape(-1, 3)
         self._strength = float(np.clip(terms.target_mse, *PULLING_TARGETS))
         self._rounding = Rounding(terms.target_mse, terms.steps)
+        self.left: int | None = None
         self.bias, self.lack = 1.0, start.lack
         self._max_points = terms.max_points
         self._on_step = on_step
@@ -367,7 +345,9 @@ class Refinement:
         by_region = np.bincount(self.foundation.geometry.patch_at().ravel(), square)
         worst = float(np.abs(self._residual).max() * 255)
         self._on_step(
-            Step(self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown)
+            Step(
+                self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown, self.left
+            )
         )
 
     def _fitted(self, coverage: Coverage) -> ColorFit:

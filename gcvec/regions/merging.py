@@ -22,6 +22,10 @@ _BATCH = 20
 
 _SLIVERS_FIRST = 1e3
 
+_LIGHT, _OVERLOAD = 0.1, 1.3
+"""Regions with no more than this share of the load that a group may have join even one that is full, up to so
+many times that load: else they would be left over between groups."""
+
 
 @dataclass(frozen=True)
 class Borders:
@@ -54,17 +58,29 @@ def borders_between(
     return Borders(*summed(origin, target, np.ones(len(origin)), energy / excess, step, n))
 
 
-def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDArray[np.int64]:
+def merged(
+    borders: Borders,
+    areas: NDArray[np.int64],
+    regions: int = 0,
+    load: NDArray[np.float64] | None = None,
+    most_load: float = np.inf,
+) -> NDArray[np.int64]:
     """The group of every region, numbered from 0, after merging across the weakest borders.
 
     `areas (n,)` are the regions' pixels. Regions under `SLIVER_AREA` merge first. Merging ends when every
     border left is worth what it costs or, with `regions` > 0, when that many groups are left; the latter goes
-    on past the former and ends short of it.
+    on past the former and ends short of it. Groups whose `load (n,)` would come to more than `most_load` stay
+    apart.
     """
     groups = np.arange(len(areas))
+    load = np.zeros(len(areas)) if load is None else load
     while len(borders) and len(areas) > max(regions, 1):
         b = borders
         smaller, gain = border_gains(b.first, b.second, b.length, b.energy, b.step, areas)
+        loads = np.stack([load[b.first], load[b.second]])
+        allowed = np.where(loads.min(axis=0) <= _LIGHT * most_load, _OVERLOAD, 1) * most_load
+        too_much = loads.sum(axis=0) > allowed
+        gain[too_much & (areas[smaller] >= SLIVER_AREA)] = np.inf
         chosen = weakest_of_smaller(borders.first, borders.second, smaller, gain, len(areas))
         most = max(len(areas) // _BATCH, 1)
         if regions:
@@ -76,6 +92,7 @@ def merged(borders: Borders, areas: NDArray[np.int64], regions: int = 0) -> NDAr
             break
         joined = united(borders.first[chosen], borders.second[chosen], len(areas))
         areas = np.bincount(joined, areas).astype(np.int64)
+        load = np.bincount(joined, load).astype(np.float64)
         groups = joined[groups]
         first, second = joined[borders.first], joined[borders.second]
         borders = Borders(*summed(first, second, borders.length, borders.energy, borders.step, len(areas)))

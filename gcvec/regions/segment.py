@@ -30,19 +30,26 @@ _TEXTURE_WINDOW = 21
 _Colours = NDArray[np.float32]
 
 
-def segment(pixels: NDArray[np.uint8], regions: int = 0, least_step: float = FAINT_STEP) -> Partition:
+def segment(
+    pixels: NDArray[np.uint8],
+    regions: int = 0,
+    least_step: float = FAINT_STEP,
+    load: NDArray[np.floating] | None = None,
+    most_load: float = np.inf,
+) -> Partition:
     """Divide `pixels (h, w, 3)` along image edges.
 
     The number of regions follows from the picture, one if it holds no edge of `least_step` levels or more; or
-    it is `regions`, less only if the picture has fewer basins. Borders lie where the colour changes most.
-    Deterministic.
+    it is `regions`, less only if the picture has fewer basins. No region has more than about `most_load` of
+    the `load (h, w)` of its pixels. Borders lie where the colour changes most. Deterministic.
     """
     colours = pixels.astype(np.float32)
     scale = max(round(np.sqrt(colours[..., 0].size / _SEED_PIXELS)), 1)
     basins = _basins(colours, scale)
     steepness = _steepness(colours, scale)
     borders = _borders(basins, colours, steepness, scale, least_step)
-    groups = merged(borders, np.bincount(basins.ravel()), regions)
+    loads = None if load is None else np.bincount(basins.ravel(), load.ravel()).astype(np.float64)
+    groups = merged(borders, np.bincount(basins.ravel()), regions, loads, most_load)
     labels = connected_components(groups.astype(np.int32)[basins])
     return Partition(labels, (REGION,) * (int(labels.max()) + 1))
 

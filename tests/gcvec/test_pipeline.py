@@ -12,6 +12,7 @@ from examples.scenes import vectorized_balls
 from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
 from gcvec.metrics import compare
 from gcvec.parts.crew import Alone
+from gcvec.progress import AFTER_RUNS, BEFORE_RUNS, GROWTH
 from tests.gcvec.scenes import SCENES, Scene, voronoi
 
 
@@ -144,6 +145,19 @@ def test_progress_tells_every_iteration_and_never_falls() -> None:
     assert errors[-1] < errors[0]
     assert told[-1].points == len(image.points)
     assert all(p.regions == len(image.labels) for p in rounds)
+
+
+def test_progress_leaves_room_for_exchanges() -> None:
+    """With more effort more of the time is spent on pictures that are as good as they shall be."""
+    made = SCENES["ring"]
+    pixels = made.picture() + noise(made.height, made.width) // 16
+    told: list[Progress] = []
+    vectorize(pixels, made.annotations(), Options(target_mse=8, effort=7), told.append)
+    fractions = [p.fraction for p in told if p.phase == "refine"]
+    growing = [f for f in fractions if f <= BEFORE_RUNS + (AFTER_RUNS - BEFORE_RUNS) * GROWTH + 1e-9]
+    assert len(fractions) - len(growing) >= 6
+    assert np.diff(fractions[len(growing) :]).min() >= 0
+    assert len(set(fractions[len(growing) :])) >= 6
 
 
 class CancelledError(Exception):

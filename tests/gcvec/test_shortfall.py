@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from skimage import data
 
 from gcvec import Options, VectorImage, vectorize
 from tests.gcvec.scenes import SCENES
@@ -57,3 +58,24 @@ def test_a_picture_within_its_target_has_nothing_to_say() -> None:
     scene = SCENES["quadrants"]
     image = vectorize(scene.picture(), scene.annotations(), Options(target_mse=5))
     assert image.warnings == ()
+
+
+def test_found_regions_are_as_many_as_hold_the_points_needed() -> None:
+    """One cat needs more points than a region may have; several regions have them."""
+    pixels = data.chelsea()[40:200, 100:300]
+    few, many = (vectorize(pixels, None, Options(target_mse=20, max_points=n)) for n in (2000, 0))
+    assert few.report is not None
+    assert many.report is not None
+    assert many.report.points > 2000
+    assert max(region.points for region in few.report.regions) <= 2000
+    assert few.report.mse <= 20
+    assert few.warnings == ()
+
+
+def test_a_file_that_cannot_grow_says_why() -> None:
+    image = vectorize(noise(), None, Options(target_bytes=20_000, max_points=25))
+    (warning,) = image.warnings
+    assert re.fullmatch(
+        r"the file takes \d+ of 20000 bytes, no more: \d+ of \d+ regions hold the 25 control points .*",
+        warning,
+    )

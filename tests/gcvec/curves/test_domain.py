@@ -14,6 +14,7 @@ from gcvec.borders.localize import localized
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves import bspline, spline_fit
 from gcvec.curves.domain import (
+    FINEST_LEVEL,
     crossing_curves,
     polygon_edges,
     polygon_vertices,
@@ -31,7 +32,8 @@ GRID = Quantization().grid
 
 def polygons(network: Network) -> list[shapely.Polygon]:
     """The parameter polygon of every region, with its holes."""
-    every, owner = polygon_edges(network)
+    samples = polygon_edges(network)
+    owner, every = network.sampling.curve[samples[:, 0]], network.sampling.points[samples]
     edges = [every[owner == c] for c in range(len(network.curves))]
     result = []
     for loops in network.loops:
@@ -117,6 +119,19 @@ def circle(radius: float) -> Curve:
 
 def alone(curve: Curve) -> Network:
     return Network(100, 100, 0, (curve,), ((),))
+
+
+@pytest.mark.parametrize(("tip", "touches"), [((50.0, 50.0), True), ((49.0, 50.0), False)])
+def test_a_vertex_in_the_place_of_another_curves_end_touches_it(
+    tip: tuple[float, float], touches: bool
+) -> None:
+    slant = np.array([(40.0, 60.0), (45, 55), (50, 50), (55, 45), (60, 40)])
+    post = np.linspace((20.0, 50.0), tip, 5)
+    curves = Curve(slant, 0, 1, 0, 1), Curve(post, 0, 1, 2, 3)
+    network = with_levels(Network(100, 100, 4, curves, ((), ())), FINEST_LEVEL)
+    assert [50, 50] in network.sampling.points[network.sampling.curve == 0].tolist()
+    assert crossing_curves(network).tolist() == ([0, 1] if touches else [])
+    assert crossing_curves(network, [1]).tolist() == ([0, 1] if touches else [])
 
 
 @pytest.mark.parametrize("radius", [2.0, 10.0, 100.0])

@@ -10,7 +10,8 @@ from skimage import data
 
 from gcvec import Options, vectorize
 from gcvec.quantization import Quantization
-from gcvec.refinement.landing import LEAST_SCALE, MOST_FILES, MOST_SCALE, Filed, landed
+from gcvec.refinement.draft import Draft
+from gcvec.refinement.landing import LEAST_SCALE, MOST_FILES, MOST_SCALE, landed
 from gcvec.vector_image import VectorImage
 
 TARGET = 5.0
@@ -29,9 +30,9 @@ class Filing:
     def mse(self, step: int) -> float:
         return self.before + self.loss * step**2 * self.uneven[step % len(self.uneven)]
 
-    def __call__(self, steps: Quantization) -> Filed:
+    def __call__(self, steps: Quantization) -> Draft:
         self.steps.append(steps.point_step)
-        return Filed(b"", replace(self.image, quantization=steps), self.mse(steps.point_step))
+        return Draft(b"", replace(self.image, quantization=steps), self.mse(steps.point_step))
 
 
 @pytest.fixture(scope="module")

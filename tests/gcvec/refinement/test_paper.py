@@ -23,8 +23,7 @@ from gcvec.refinement.paper import (
     turns_over,
     worst_pixels,
 )
-from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.state import Step
+from gcvec.refinement.scene import Scene, Step, Terms
 from gcvec.timing import StageClock
 
 WIDTH, HEIGHT = 72, 56

@@ -65,3 +65,16 @@ def test_merging_ends_where_every_border_pays() -> None:
     assert groups.tolist() == [0, 0, 1]
     assert merged(borders_between(origin, target, step), np.array([900] * 3), 1).tolist() == [0, 0, 0]
     assert merged(borders_between(origin, target, step), np.array([900] * 3), 3).tolist() == [0, 1, 2]
+
+
+def test_groups_with_too_much_to_hold_stay_apart() -> None:
+    """Five regions in a row without any step between them; the last one is light enough for any group."""
+    origin, target = np.repeat([0, 1, 2, 3], 30), np.repeat([1, 2, 3, 4], 30)
+    faint = borders_between(origin, target, np.full((120, 3), 0.01))
+    load = np.array([10.0, 10.0, 10.0, 10.0, 1.0])
+    areas = np.array([900] * 5)
+    assert merged(faint, areas).tolist() == [0] * 5
+    groups = merged(faint, areas, load=load, most_load=20.0)
+    assert np.bincount(groups, load).max() <= 21
+    assert groups.max() + 1 == 2
+    assert merged(faint, areas, load=load, most_load=10.0).max() + 1 == 4

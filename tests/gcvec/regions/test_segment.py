@@ -148,3 +148,15 @@ def test_any_picture_divides(pixels: Pixels, count: int) -> None:
     found = regions(pixels, count).max() + 1
     if count:
         assert found <= count
+
+
+def test_no_region_has_much_more_than_the_most_it_may_hold() -> None:
+    """Smooth noise without any region of its own: it is divided where it varies most."""
+    rng = np.random.default_rng(5)
+    pixels = pixels_of(128 + 60 * ndimage.gaussian_filter(rng.normal(0, 1, (120, 160, 3)), (3, 3, 0)))
+    load = np.full((120, 160), 0.5)
+    whole = segment(pixels, least_step=100)
+    divided = segment(pixels, least_step=100, load=load, most_load=1200)
+    assert len(whole.names) == 1
+    assert 8 <= len(divided.names) <= 32
+    assert np.bincount(divided.labels.ravel(), load.ravel()).max() <= 2 * 1200
