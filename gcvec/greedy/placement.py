@@ -206,6 +206,7 @@ class Placement:
         self._pull = pull
         # Patches may be so thin that they hold the centre of no pixel.
         self._n_patches = int(seats.patch.max()) + 1 if room is None else len(room)
+        self._stuck = np.zeros(self._n_patches, bool)
         self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
         self.error, self.lack = error, 0.0
         # Where strips overlap each sees its own changes only.
@@ -301,14 +302,15 @@ class Placement:
         cuts = np.cumsum([len(q.gain) for q in queues])[:-1]
         ranked = [q._replace(rank=own) for q, own in zip(queues, np.split(rank, cuts), strict=True)]
         full = self._room == 0
+        still_open = [q.where(~(full | self._stuck)[q.patch]) for q in ranked]
         if not full.any():
-            return ranked, NONE_FULL
+            return still_open, NONE_FULL
         price = np.zeros(self._n_patches)
         np.maximum.at(price, patch, gain)
         owner = self._seats.patch[self._seats.triangle_at >= 0]
         area = np.bincount(owner, minlength=self._n_patches)
         found = Full(self._squares()[full], price[full], float(area[full].sum() / area.sum()))
-        return [q.where(~full[q.patch]) for q in ranked], found
+        return still_open, found
 
     def _squares(self) -> Floats:
         """`(patches,)` squared errors."""
@@ -329,7 +331,7 @@ class Placement:
 
     def _place(self, queues: list[Ints]) -> tuple[int, bool]:
         """Place points in these triangles of each plot. How many, and whether a patch that has a bound has
-        got none of them: it is given none any more then."""
+        got none of them: it is asked no more then."""
 
         def grow(pair: tuple[Plot, Ints]) -> tuple[Ints, Ints]:
             plot, queue = pair
@@ -343,7 +345,7 @@ class Placement:
             return int(used.sum()), False
         self._room -= used
         stuck = (asked > 0) & (used == 0)
-        self._room[stuck] = 0
+        self._stuck |= stuck
         return int(used.sum()), bool(stuck.any())
 
 

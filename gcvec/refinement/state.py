@@ -66,7 +66,7 @@ LEAST_CHANGE = 0.99
 """Growth ends with a round that neither adds points nor brings the error below this share of what it was."""
 
 CROWDED = 1 / 8
-LEAST_RETURN = 0.1
+LEAST_RETURN = 0.25
 IDLE_ROUNDS = 2
 """With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
 the number of points are the last."""
@@ -191,7 +191,7 @@ class Refinement:
         """Go back to the points that were a better bargain than those there are, if some were: where the aim
         cannot be reached, an error that has fallen by less than a small power of the number of points is not
         worth them."""
-        if self._best is None or self._best.bargain >= self._bargain():
+        if self._best is None or SETTLED * self._best.bargain >= self._bargain():
             return False
         self.points, self.colors, self.lack = self._best.points, self._best.colors, self._best.lack
         self._update()
@@ -297,6 +297,7 @@ class Refinement:
 
     def seed(self) -> None:
         """Place the first control points."""
+        self._remember()
         with self._clock.stage("evaluation"):
             new = seeds(
                 self._residual.reshape(self._picture.shape),
