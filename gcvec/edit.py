@@ -25,6 +25,9 @@ from gcvec.patches.patch import Blend
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
+
+BISECTIONS = 40
+"""Halvings of the range in which a shift of colours is looked for."""
 Ints = NDArray[np.int64]
 
 
@@ -71,14 +74,21 @@ def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Reco
 
 def mean_color(image: VectorImage, patch: int) -> Floats:
     """Mean sRGB colour `(3,)` in [0, 1] of a patch, over its area."""
-    canvas, own_points = _patch_canvas(image.canvas, _checked_patch(image, patch))
+    weights, own_points = _mean_weights(image, _checked_patch(image, patch))
+    return np.asarray(weights @ np.concatenate([image.boundary_colors, image.point_colors[own_points]]))
+
+
+def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Ints]:
+    """How much each colour, `(b + k,)`, counts in the mean of a patch: those along all curves, then those of
+    its k control points, and which points these are."""
+    canvas, own_points = _patch_canvas(image.canvas, patch)
     drawing = canvas.drawing(flatness=np.inf)
     operator, corner_color = canvas.operator(drawing)
-    colors = operator @ np.concatenate([image.boundary_colors, image.point_colors[own_points]])
     a, b, c = (drawing.image[drawing.triangles[:, k]] for k in range(3))
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     area = np.abs(ux * vy - uy * vx)
-    return np.asarray(np.average(colors[corner_color].mean(axis=1), axis=0, weights=area))
+    of_corner = np.bincount(corner_color.ravel(), np.repeat(area / (3 * area.sum()), 3), operator.shape[0])
+    return np.asarray(operator.T @ of_corner), own_points
 
 
 def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
@@ -156,21 +166,36 @@ def _keep_frame_straight(network: Network, foundation: Foundation, control_point
 def _recolored(image: VectorImage, recolor: Recolor) -> VectorImage:
     """Shift all colours of a patch alike; coordinates sum to one, so the shift is the same everywhere.
 
-    A neighbour keeps its colours: the soft curves between them, which share theirs, become hard. Colours out
-    of gamut are clipped.
+    A neighbour keeps its colours: the soft curves between them, which share theirs, become hard. Colours stay
+    in gamut, where those that would leave it shift the others further.
     """
     target = np.array(recolor.color, np.float64)
     if target.shape != (3,) or not ((target >= 0) & (target <= 1)).all():
         raise InputError(f"patch {recolor.patch} cannot have colour {recolor.color}", code="bad-color")
-    shift = target - mean_color(image, recolor.patch)
+    _checked_patch(image, recolor.patch)
     image = _with_hard_border(image, recolor.patch)
+    weights, own_points = _mean_weights(image, recolor.patch)
     own_boundary = _boundary_unknowns(image.foundation, recolor.patch)
-    own_points = image.patch_of_points == recolor.patch
+    weights = np.concatenate([weights[own_boundary], weights[len(image.boundary_colors) :]])
+    colors = np.concatenate([image.boundary_colors[own_boundary], image.point_colors[own_points]])
+    shifted = np.stack([_shifted(colors[:, k], weights, target[k]) for k in range(3)], axis=1)
     boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
-    boundary_colors[own_boundary] = np.clip(boundary_colors[own_boundary] + shift, 0, 1)
-    point_colors[own_points] = np.clip(point_colors[own_points] + shift, 0, 1)
+    boundary_colors[own_boundary] = shifted[: len(own_boundary)]
+    point_colors[own_points] = shifted[len(own_boundary) :]
     edited = replace(image, boundary_colors=boundary_colors, point_colors=point_colors, report=None)
     return edited.knowing(image.canvas)
+
+
+def _shifted(values: Floats, weights: Floats, mean: float) -> Floats:
+    """Values `(n,)` shifted alike, and kept in [0, 1], so that their weighted mean is this one."""
+    shift = float(mean - weights @ values)
+    if (values + shift).min() >= 0 and (values + shift).max() <= 1:
+        return np.asarray(values + shift)
+    low, high = -1.0, 1.0
+    for _ in range(BISECTIONS):
+        shift = (low + high) / 2
+        low, high = (shift, high) if weights @ np.clip(values + shift, 0, 1) < mean else (low, shift)
+    return np.clip(values + high, 0, 1)
 
 
 def _with_hard_border(image: VectorImage, patch: int) -> VectorImage:

@@ -6,8 +6,9 @@ Work is always cut into the same shares, whatever the number of threads, so resu
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 S = TypeVar("S")
@@ -32,6 +33,20 @@ def use_workers(workers: int) -> None:
     if wanted != _workers:
         _workers = wanted
         _forget_pool()
+
+
+@contextmanager
+def workers(number: int) -> Iterator[None]:
+    """Use this many threads meanwhile, as `use_workers` does."""
+    global _workers
+    before = _workers
+    use_workers(number)
+    try:
+        yield
+    finally:
+        if before != _workers:
+            _workers = before
+            _forget_pool()
 
 
 def in_shares(work: Callable[[int, int], T], n: int) -> list[T]:

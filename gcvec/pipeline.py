@@ -18,7 +18,7 @@ from gcvec.colors.boundary_color import color_samples, fit_boundary_colors, hard
 from gcvec.curves.network_fit import fitted_network
 from gcvec.metrics import Report, compare
 from gcvec.options import Options
-from gcvec.parallel import use_workers
+from gcvec.parallel import workers
 from gcvec.parts.crew import Crew, refine_by
 from gcvec.patches.canonical import lay_unfolded_foundation
 from gcvec.photo import require_photo
@@ -69,7 +69,17 @@ def vectorize(
     """
     require_photo(pixels)
     options = options or Options()
-    use_workers(options.workers)
+    with workers(options.workers):
+        return _vectorized(pixels, annotations, options, on_progress, crew)
+
+
+def _vectorized(
+    pixels: NDArray[np.uint8],
+    annotations: Annotations | None,
+    options: Options,
+    on_progress: OnProgress | None,
+    crew: Crew | None,
+) -> VectorImage:
     begin = time.perf_counter()
     clock, tell = StageClock(), Teller(on_progress)
 

@@ -3,7 +3,7 @@ itself."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,12 +140,14 @@ class VectorImage:
         self, canvas: Canvas, file: bytes | None = None, picture: NDArray[np.uint8] | None = None
     ) -> VectorImage:
         """This image with its canonical mesh, file and picture already known: they are not made again."""
-        self.__dict__.update(foundation=canvas.foundation, canvas=canvas)
+        image = replace(self)
+        known = image.__dict__  # where cached properties are kept
+        known.update(foundation=canvas.foundation, canvas=canvas)
         if file is not None:
-            self.__dict__["_file"] = file
+            known["_file"] = file
         if picture is not None:
-            self.__dict__["picture"] = picture
-        return self
+            known["picture"] = picture
+        return image
 
     @classmethod
     def from_bytes(cls, data: bytes) -> VectorImage:

@@ -53,6 +53,7 @@ from gcvec.curves.network import Curve, Network, straight_line
 from gcvec.errors import InputError
 from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundation
 from gcvec.patches.color_space import LEFT, RIGHT
+from gcvec.plain_text import plain_text
 from gcvec.quantization import Quantization
 from gcvec.vector_image import VectorImage
 
@@ -105,7 +106,7 @@ def decode(data: bytes) -> VectorImage:
     coder = range_coder.reader(data[8:])
     try:
         return _read(coder, len(data) - 8)
-    except (ValueError, IndexError, RuntimeError, MemoryError, OverflowError) as problem:
+    except (ValueError, IndexError, RuntimeError, OverflowError) as problem:
         raise InputError(f"the file is damaged: {problem}", code="broken-gcv") from problem
 
 
@@ -221,7 +222,8 @@ def _read_labels(coder: Coder, n_bytes: int, n_patches: int, length: int) -> tup
     _check_whole(coder)
     labels = json.loads(text.astype(np.uint8).tobytes().decode())
     demand(isinstance(labels, list) and len(labels) == n_patches, "labels that do not fit the patches")
-    return tuple(str(label) for label in labels)
+    demand(all(isinstance(label, str) for label in labels), "labels that are no text")
+    return tuple(map(plain_text, labels))
 
 
 def _read_positions(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import threading
 import warnings as python_warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -116,10 +117,14 @@ def _silence_libtiff() -> None:
 _silence_libtiff()
 
 
+_ONE_AT_A_TIME = threading.Lock()
+"""What Python warns of is the same for all threads: two that put it back at once would leave it silenced."""
+
+
 @contextmanager
 def _quiet_pillow() -> Iterator[None]:
     """Pillow warns about sizes and metadata on stderr; what matters is checked and reported here instead."""
-    with python_warnings.catch_warnings():
+    with _ONE_AT_A_TIME, python_warnings.catch_warnings():
         python_warnings.simplefilter("ignore")
         yield
 

@@ -219,6 +219,15 @@ def test_recolor_can_be_undone() -> None:
     assert np.abs(back.render().astype(int) - image.render()).max() <= 1
 
 
+@pytest.mark.parametrize("color", [(1.0, 0.0, 0.0), (0.95, 0.9, 0.02), (0.5, 0.5, 0.5), (0.0, 0.0, 0.0)])
+def test_a_patch_has_the_mean_color_it_is_given(color: tuple[float, float, float]) -> None:
+    image = spheres()
+    edited = edit(image, recolors=[Recolor(1, color)])
+    np.testing.assert_allclose(mean_color(edited, 1), color, atol=1e-6)
+    drawn = edited.render()[area_of(image, {1}) & ~area_of(image, {0})] / 255
+    np.testing.assert_allclose(drawn.mean(axis=0), color, atol=0.02)
+
+
 def test_colors_out_of_gamut_are_clipped() -> None:
     white = edit(quarters(), recolors=[Recolor(0, (1.0, 1.0, 1.0))])
     own = white.point_colors[white.patch_of_points == 0]

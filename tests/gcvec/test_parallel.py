@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from gcvec import parallel
 from gcvec.parallel import in_shares, in_turn, use_workers
 
 
@@ -46,3 +47,13 @@ def test_what_goes_wrong_comes_out(bad: int, problem: type[BaseException]) -> No
     with pytest.raises(problem):
         in_turn(work, range(8))
     assert in_turn(lambda i: i, range(8)) == list(range(8))
+
+
+def test_what_was_said_before_holds_again(workers: int) -> None:
+    with parallel.workers(3):
+        assert parallel._workers == 3
+        assert in_turn(abs, [-1, -2]) == [1, 2]
+    assert parallel._workers == workers
+    with pytest.raises(ZeroDivisionError), parallel.workers(4):
+        raise ZeroDivisionError
+    assert parallel._workers == workers

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -99,3 +100,17 @@ def test_a_forged_file_decodes_or_is_refused(scene: str, data: st.DataObject) ->
 def test_random_bytes_are_refused_or_decoded(stream: bytes) -> None:
     with contextlib.suppress(InputError):
         decode(sealed(stream))
+
+
+def test_labels_of_strangers_files_are_plain_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file may hold what is no text at all: half of a pair of code units, a number."""
+    plainly = json.dumps
+    monkeypatch.setattr("gcvec.codec.file.json.dumps", lambda labels, ensure_ascii: plainly(labels))
+    image = VectorImage.from_bytes(file_of("ring"))
+    odd = replace(image, labels=("\ud800", *image.labels[1:]))
+    read = VectorImage.from_bytes(odd.to_bytes())
+    assert read.labels[0] == "\ufffd"
+    assert VectorImage.from_bytes(read.to_bytes()).labels == read.labels
+    numbers = replace(image, labels=(7, *image.labels[1:]))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="labels that are no text"):
+        VectorImage.from_bytes(numbers.to_bytes())
