@@ -1,4 +1,4 @@
-"""From a canvas with its exact error to plots that points can be put into."""
+"""From a canvas with its exact error to strips that points can be put into."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.greedy.placement import Placement
-from gcvec.greedy.plot import Plot, plot
 from gcvec.greedy.seats import Seats
+from gcvec.greedy.strip import Strip, roomy_strip
 from gcvec.parallel import SHARES, in_turn
 from gcvec.patches.canonical import Canvas
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-TRIANGLES_A_PLOT = 1500
-"""Smaller plots are not worth a thread."""
+TRIANGLES_A_STRIP = 1500
+"""Smaller strips are not worth a thread."""
 
 
 def begin_placement(
@@ -43,15 +43,15 @@ def begin_placement(
     image = canvas.unit[0].image[: len(mesh.vertices)]
     seat = np.full(len(vertex), -1)
     seat[: mesh.n_points] = points[:, 1] * canvas.foundation.network.width + points[:, 0]
-    strip = _strips(mesh.vertices[mesh.triangles, 1].sum(axis=1), shift)
+    of_strip = _strips(mesh.vertices[mesh.triangles, 1].sum(axis=1), shift)
 
-    def share(which: int) -> Plot:
-        own = np.flatnonzero(strip == which)
+    def share(which: int) -> Strip:
+        own = np.flatnonzero(of_strip == which)
         used = np.zeros(len(vertex), bool)
         used[corner[own]] = True
         kept = np.flatnonzero(used)
         number = np.cumsum(used) - 1
-        return plot(
+        return roomy_strip(
             mesh.vertices[vertex[kept]],
             image[vertex[kept]],
             colors[kept],
@@ -63,14 +63,14 @@ def begin_placement(
             canvas.foundation.network.width,
         )
 
-    largest_first = np.argsort(-np.bincount(strip, minlength=1), kind="stable")
-    plots = in_turn(share, largest_first.tolist())
-    return Placement(plots, seats, float(np.sum(residual**2, dtype=np.float64)), room, pull)
+    largest_first = np.argsort(-np.bincount(of_strip, minlength=1), kind="stable")
+    strips = in_turn(share, largest_first.tolist())
+    return Placement(strips, seats, float(np.sum(residual**2, dtype=np.float64)), room, pull)
 
 
 def _strips(height: Floats, shift: float) -> Ints:
     """Number of the strip of each triangle `(t,)`, by its `height`."""
-    n = min(SHARES, len(height) // TRIANGLES_A_PLOT)
+    n = min(SHARES, len(height) // TRIANGLES_A_STRIP)
     if n < 2:
         return np.zeros(len(height), np.int64)
     cuts = np.quantile(height, (np.arange(1, n) - 0.5 + shift) / n)

@@ -1,10 +1,10 @@
-"""Colours of control points by least squares, one at a time (Gauss and Seidel), on the pixels of a plot."""
+"""Colours of control points by least squares, one at a time (Gauss and Seidel), on the pixels of a strip."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gcvec.greedy.plot import corner_of, next_around
+from gcvec.greedy.strip import corner_of, next_around
 from gcvec.kernels import bare_kernel
 
 LEAST_STEP = 0.5 / 255
@@ -16,26 +16,27 @@ NO_STEP = 0.02 / 255
 
 
 @bare_kernel
-def adapt(plot, vertex, pull):
+def adapt(strip, vertex, pull):
     """Give a whole vertex a better colour in [0, 1] for all others as they are, pulled to that of the photo
     at its seat with the weight `pull` (equation (7))."""
-    red, green, blue, energy = reach(plot, vertex)
-    seat = plot.seat[vertex]
-    red = _step(plot.color[vertex, 0], red, plot.photo[seat, 0], energy, pull)
-    green = _step(plot.color[vertex, 1], green, plot.photo[seat, 1], energy, pull)
-    blue = _step(plot.color[vertex, 2], blue, plot.photo[seat, 2], energy, pull)
-    plot.restless[vertex] = False
+    red, green, blue, energy = reach(strip, vertex)
+    seat = strip.seat[vertex]
+    red = _step(strip.color[vertex, 0], red, strip.photo[seat, 0], energy, pull)
+    green = _step(strip.color[vertex, 1], green, strip.photo[seat, 1], energy, pull)
+    blue = _step(strip.color[vertex, 2], blue, strip.photo[seat, 2], energy, pull)
+    strip.restless[vertex] = False
     longest = max(abs(red), abs(green), abs(blue))
     if longest > NO_STEP:
-        plot.color[vertex, 0] += red
-        plot.color[vertex, 1] += green
-        plot.color[vertex, 2] += blue
+        strip.color[vertex, 0] += red
+        strip.color[vertex, 1] += green
+        strip.color[vertex, 2] += blue
         _take_off(
-            plot.triangles, plot.neighbors, plot.first, plot.last, plot.pixel, plot.weights, plot.residual,
-            plot.at_vertex[vertex], vertex, np.float32(red), np.float32(green), np.float32(blue),
+            strip.triangles, strip.neighbors, strip.first, strip.last, strip.pixel, strip.weights,
+            strip.residual, strip.at_vertex[vertex], vertex,
+            np.float32(red), np.float32(green), np.float32(blue),
         )  # fmt: skip
     if longest > LEAST_STEP:
-        _disturb(plot, vertex, longest > LEAST_PUSH)
+        _disturb(strip, vertex, longest > LEAST_PUSH)
 
 
 @bare_kernel
@@ -45,7 +46,7 @@ def _step(before, pressure, wanted, energy, pull):
 
 
 @bare_kernel
-def reach(plot, vertex):
+def reach(strip, vertex):
     """What a whole vertex's colour has to do with the error: Σ φ r of the three channels, and Σ φ², over the
     pixels, where a unit of it gives φ.
 
@@ -53,8 +54,8 @@ def reach(plot, vertex):
     more than the square of what they give together, so steps of a colour are a little short of the best.
     """
     return _reach(
-        plot.triangles, plot.neighbors, plot.first, plot.last, plot.pixel, plot.weights, plot.residual,
-        plot.at_vertex[vertex], vertex,
+        strip.triangles, strip.neighbors, strip.first, strip.last, strip.pixel, strip.weights, strip.residual,
+        strip.at_vertex[vertex], vertex,
     )  # fmt: skip
 
 
@@ -92,35 +93,35 @@ def _take_off(triangles, neighbors, first, last, pixel, weights, residual, start
 
 
 @bare_kernel
-def _disturb(plot, vertex, push):
+def _disturb(strip, vertex, push):
     """The colour of a vertex has changed: its triangles are stale, and its neighbours may adapt to it."""
-    start = plot.at_vertex[vertex]
+    start = strip.at_vertex[vertex]
     t = start
     while True:
-        plot.stale[t] = True
+        strip.stale[t] = True
         if push:
-            plot.restless[plot.triangles[t, (corner_of(plot.triangles, t, vertex) + 1) % 3]] = True
-        t = next_around(plot.triangles, plot.neighbors, t, vertex)
+            strip.restless[strip.triangles[t, (corner_of(strip.triangles, t, vertex) + 1) % 3]] = True
+        t = next_around(strip.triangles, strip.neighbors, t, vertex)
         if t == start:
             break
 
 
 @bare_kernel
-def usefulness(plot, vertex):
+def usefulness(strip, vertex):
     """About how much squared error a whole vertex saves.
 
     Without it its place would take the colour of a plane through its neighbours' colours, so the picture
     would change by that difference times what the vertex gives to it.
     """
-    _, _, _, energy = reach(plot, vertex)
+    _, _, _, energy = reach(strip, vertex)
     m0, mx, my, mxx, mxy, myy = 0.0, 0.0, 0.0, 0.05, 0.0, 0.05
-    start = plot.at_vertex[vertex]
+    start = strip.at_vertex[vertex]
     t = start
     while True:
-        x, y, w, _ = _spoke(plot, t, vertex)
+        x, y, w, _ = _spoke(strip, t, vertex)
         m0, mx, my = m0 + w, mx + w * x, my + w * y
         mxx, mxy, myy = mxx + w * x * x, mxy + w * x * y, myy + w * y * y
-        t = next_around(plot.triangles, plot.neighbors, t, vertex)
+        t = next_around(strip.triangles, strip.neighbors, t, vertex)
         if t == start:
             break
     # Cramer's rule for the plane's value at the vertex itself, a weighted mean of the neighbours'.
@@ -130,19 +131,19 @@ def usefulness(plot, vertex):
     for k in range(3):
         plane = 0.0
         while True:
-            x, y, w, other = _spoke(plot, t, vertex)
-            plane += w * (c0 + cx * x + cy * y) * plot.color[other, k]
-            t = next_around(plot.triangles, plot.neighbors, t, vertex)
+            x, y, w, other = _spoke(strip, t, vertex)
+            plane += w * (c0 + cx * x + cy * y) * strip.color[other, k]
+            t = next_around(strip.triangles, strip.neighbors, t, vertex)
             if t == start:
                 break
-        lost += (plot.color[vertex, k] - plane / determinant) ** 2
+        lost += (strip.color[vertex, k] - plane / determinant) ** 2
     return energy * lost
 
 
 @bare_kernel
-def _spoke(plot, t, vertex):
+def _spoke(strip, t, vertex):
     """A neighbour of a vertex as seen from there, its weight, and which one it is."""
-    other = plot.triangles[t, (corner_of(plot.triangles, t, vertex) + 1) % 3]
-    x = plot.image[other, 0] - plot.image[vertex, 0]
-    y = plot.image[other, 1] - plot.image[vertex, 1]
+    other = strip.triangles[t, (corner_of(strip.triangles, t, vertex) + 1) % 3]
+    x = strip.image[other, 0] - strip.image[vertex, 0]
+    y = strip.image[other, 1] - strip.image[vertex, 1]
     return x, y, 1.0 / max(x * x + y * y, 1e-6), other

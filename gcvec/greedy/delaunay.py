@@ -8,7 +8,7 @@ over, in the domain or under S, is not made.
 
 from __future__ import annotations
 
-from gcvec.greedy.plot import (
+from gcvec.greedy.strip import (
     ENTRIES,
     MOST_CORNERS,
     NOBODY,
@@ -69,148 +69,149 @@ def _holder(triangles, neighbors, domain, vertex, start):
 
 
 @bare_kernel
-def insert(plot, vertex, start, holes):
+def insert(strip, vertex, start):
     """Make a vertex whose places are known part of the mesh.
 
-    Triangle `start` is near. The triangles about the vertex are `holes[:n]` afterwards, n is returned; 0
-    when it cannot be done.
+    Triangle `start` is near. The triangles about the vertex are `strip.holes[:n]` afterwards, n is returned;
+    0 when it cannot be done.
     """
-    t = _holder(plot.triangles, plot.neighbors, plot.domain, vertex, start)
+    t = _holder(strip.triangles, strip.neighbors, strip.domain, vertex, start)
     if t == NOBODY:
         return 0
-    plot.counts[STAMP] += 1
-    stamp = plot.counts[STAMP]
+    strip.counts[STAMP] += 1
+    stamp, holes = strip.counts[STAMP], strip.holes
     holes[0] = t
-    plot.mark[t] = stamp
+    strip.mark[t] = stamp
     n_holes, n_edges, n_entries, i = 1, 0, 0, 0
     while i < n_holes:
         t = holes[i]
         for k in range(3):
-            beyond = plot.neighbors[t, k]
-            if beyond != NOBODY and plot.mark[beyond] == stamp:
+            beyond = strip.neighbors[t, k]
+            if beyond != NOBODY and strip.mark[beyond] == stamp:
                 continue
             if beyond != NOBODY and n_holes < MOST_CORNERS - 2:
-                a, b, c = plot.triangles[beyond, 0], plot.triangles[beyond, 1], plot.triangles[beyond, 2]
-                if in_circle(plot.domain, a, b, c, vertex):
-                    plot.mark[beyond] = stamp
+                a, b, c = strip.triangles[beyond, 0], strip.triangles[beyond, 1], strip.triangles[beyond, 2]
+                if in_circle(strip.domain, a, b, c, vertex):
+                    strip.mark[beyond] = stamp
                     holes[n_holes] = beyond
                     n_holes += 1
         i += 1
     for i in range(n_holes):
         t = holes[i]
         for k in range(3):
-            beyond = plot.neighbors[t, k]
-            if beyond == NOBODY or plot.mark[beyond] != stamp:
-                a, b = plot.triangles[t, k], plot.triangles[t, (k + 1) % 3]
+            beyond = strip.neighbors[t, k]
+            if beyond == NOBODY or strip.mark[beyond] != stamp:
+                a, b = strip.triangles[t, k], strip.triangles[t, (k + 1) % 3]
                 if (
-                    cross(plot.domain, a, b, vertex) < LEAST_AREA
-                    or cross(plot.image, a, b, vertex) < LEAST_AREA
+                    cross(strip.domain, a, b, vertex) < LEAST_AREA
+                    or cross(strip.image, a, b, vertex) < LEAST_AREA
                     or n_edges == MOST_CORNERS
                 ):
                     return 0
-                n_entries += most_entries(plot, a, b, vertex)
-                _note(plot.corners, n_edges, a, b, beyond)
+                n_entries += most_entries(strip, a, b, vertex)
+                _note(strip.corners, n_edges, a, b, beyond)
                 n_edges += 1
-    if n_edges != n_holes + 2 or plot.counts[ENTRIES] + n_entries > len(plot.pixel):
+    if n_edges != n_holes + 2 or strip.counts[ENTRIES] + n_entries > len(strip.pixel):
         return 0
-    patch, corners = plot.patch[holes[0]], plot.corners
+    patch, corners = strip.patch[holes[0]], strip.corners
     for i in range(n_holes):
-        _paint(plot, holes[i], 1.0)
+        _paint(strip, holes[i], 1.0)
     for i in range(n_edges):
         if i >= n_holes:
-            holes[i] = _new_triangle(plot)
+            holes[i] = _new_triangle(strip)
         corners[i, NUMBER] = holes[i]
     for i in range(n_edges):
         a, b, beyond, t = corners[i, FROM], corners[i, TO], corners[i, BEYOND], corners[i, NUMBER]
-        plot.triangles[t, 0], plot.triangles[t, 1], plot.triangles[t, 2] = a, b, vertex
-        plot.patch[t] = patch
-        plot.at_vertex[a] = t
-        _face(plot.triangles, plot.neighbors, t, 0, beyond, b)
+        strip.triangles[t, 0], strip.triangles[t, 1], strip.triangles[t, 2] = a, b, vertex
+        strip.patch[t] = patch
+        strip.at_vertex[a] = t
+        _face(strip.triangles, strip.neighbors, t, 0, beyond, b)
         for j in range(n_edges):
             if corners[j, FROM] == b:
-                plot.neighbors[t, 1] = corners[j, NUMBER]
+                strip.neighbors[t, 1] = corners[j, NUMBER]
             if corners[j, TO] == a:
-                plot.neighbors[t, 2] = corners[j, NUMBER]
-    plot.at_vertex[vertex] = holes[0]
-    _show(plot, holes, n_edges)
+                strip.neighbors[t, 2] = corners[j, NUMBER]
+    strip.at_vertex[vertex] = holes[0]
+    _show(strip, n_edges)
     return n_edges
 
 
 @bare_kernel
-def remove(plot, vertex, holes):
+def remove(strip, vertex):
     """Take a vertex that is whole out of the mesh.
 
-    The triangles that fill its place are `holes[:n]` afterwards, n is returned; 0 when it cannot be done.
+    The triangles that fill its place are `strip.holes[:n]` afterwards, n is returned; 0 when it cannot be
+    done.
     """
-    n, t = 0, plot.at_vertex[vertex]
-    while n == 0 or t != plot.at_vertex[vertex]:
+    n, t, holes = 0, strip.at_vertex[vertex], strip.holes
+    while n == 0 or t != strip.at_vertex[vertex]:
         if n == MOST_CORNERS:
             return 0
-        k = corner_of(plot.triangles, t, vertex)
-        a, b = plot.triangles[t, (k + 1) % 3], plot.triangles[t, (k + 2) % 3]
-        _note(plot.corners, n, a, b, plot.neighbors[t, (k + 1) % 3])
+        k = corner_of(strip.triangles, t, vertex)
+        a, b = strip.triangles[t, (k + 1) % 3], strip.triangles[t, (k + 2) % 3]
+        _note(strip.corners, n, a, b, strip.neighbors[t, (k + 1) % 3])
         holes[n] = t
         n += 1
-        t = next_around(plot.triangles, plot.neighbors, t, vertex)
-    n_ears = _cut_ears(plot, n)
+        t = next_around(strip.triangles, strip.neighbors, t, vertex)
+    n_ears = _cut_ears(strip, n)
     if n_ears == 0:
         return 0
-    patch = plot.patch[holes[0]]
+    patch = strip.patch[holes[0]]
     for i in range(n):
-        _paint(plot, holes[i], 1.0)
+        _paint(strip, holes[i], 1.0)
     for i in range(n_ears, n):
-        plot.triangles[holes[i], 0] = NOBODY
-        plot.gain[holes[i]] = 0.0
-        plot.spare[plot.counts[SPARE]] = holes[i]
-        plot.counts[SPARE] += 1
-    ears = plot.ears
+        strip.triangles[holes[i], 0] = NOBODY
+        strip.gain[holes[i]] = 0.0
+        strip.spare[strip.counts[SPARE]] = holes[i]
+        strip.counts[SPARE] += 1
+    ears = strip.ears
     for i in range(n_ears):
         t = holes[i]
-        plot.patch[t] = patch
+        strip.patch[t] = patch
         for k in range(3):
-            plot.triangles[t, k] = ears[i, k]
-            plot.at_vertex[ears[i, k]] = t
+            strip.triangles[t, k] = ears[i, k]
+            strip.at_vertex[ears[i, k]] = t
     for i in range(n_ears):
         t = holes[i]
         for k in range(3):
             a, b = ears[i, k], ears[i, (k + 1) % 3]
             beyond = NOBODY
             for j in range(n):
-                if plot.corners[j, FROM] == a and plot.corners[j, TO] == b:
-                    beyond = plot.corners[j, BEYOND]
+                if strip.corners[j, FROM] == a and strip.corners[j, TO] == b:
+                    beyond = strip.corners[j, BEYOND]
             for j in range(n_ears):
                 for m in range(3):
                     if ears[j, m] == b and ears[j, (m + 1) % 3] == a:
                         beyond = holes[j]
-            _face(plot.triangles, plot.neighbors, t, k, beyond, b)
-    _show(plot, holes, n_ears)
+            _face(strip.triangles, strip.neighbors, t, k, beyond, b)
+    _show(strip, n_ears)
     return n_ears
 
 
 @bare_kernel
-def _cut_ears(plot, n):
-    """Triangulate the hole whose edges are listed; the ears are `plot.ears[:n]`.
+def _cut_ears(strip, n):
+    """Triangulate the hole whose edges are listed; the ears are `strip.ears[:n]`.
 
     n is returned, 0 when some triangle would fold.
     """
-    ring, ears = plot.ring, plot.ears
+    ring, ears = strip.ring, strip.ears
     for i in range(n):
-        ring[i] = plot.corners[i, FROM]
+        ring[i] = strip.corners[i, FROM]
     n_ears, n_entries = 0, 0
     while n > 2:
         found = False
         for i in range(n):
             a, b, c = ring[i], ring[(i + 1) % n], ring[(i + 2) % n]
-            if cross(plot.domain, a, b, c) < LEAST_AREA or cross(plot.image, a, b, c) < LEAST_AREA:
+            if cross(strip.domain, a, b, c) < LEAST_AREA or cross(strip.image, a, b, c) < LEAST_AREA:
                 continue
             empty = True
             for j in range(3, n):
-                if in_circle(plot.domain, a, b, c, ring[(i + j) % n]):
+                if in_circle(strip.domain, a, b, c, ring[(i + j) % n]):
                     empty = False
                     break
             if empty:
                 ears[n_ears, 0], ears[n_ears, 1], ears[n_ears, 2] = a, b, c
-                n_entries += most_entries(plot, a, b, c)
+                n_entries += most_entries(strip, a, b, c)
                 n_ears += 1
                 for j in range((i + 1) % n, n - 1):
                     ring[j] = ring[j + 1]
@@ -219,16 +220,16 @@ def _cut_ears(plot, n):
                 break
         if not found:
             return 0
-    return n_ears if plot.counts[ENTRIES] + n_entries <= len(plot.pixel) else 0
+    return n_ears if strip.counts[ENTRIES] + n_entries <= len(strip.pixel) else 0
 
 
 @bare_kernel
-def _new_triangle(plot):
-    if plot.counts[SPARE] > 0:
-        plot.counts[SPARE] -= 1
-        return plot.spare[plot.counts[SPARE]]
-    plot.counts[TRIANGLES] += 1
-    return plot.counts[TRIANGLES] - 1
+def _new_triangle(strip):
+    if strip.counts[SPARE] > 0:
+        strip.counts[SPARE] -= 1
+        return strip.spare[strip.counts[SPARE]]
+    strip.counts[TRIANGLES] += 1
+    return strip.counts[TRIANGLES] - 1
 
 
 @bare_kernel
@@ -240,10 +241,12 @@ def _face(triangles, neighbors, t, k, beyond, end):
 
 
 @bare_kernel
-def _paint(plot, t, sign):
+def _paint(strip, t, sign):
     """Add a triangle's colours to the residual, times the sign."""
-    a, b, c = plot.triangles[t, 0], plot.triangles[t, 1], plot.triangles[t, 2]
-    _add(plot.residual, plot.pixel, plot.weights, plot.first[t], plot.last[t], plot.color, a, b, c, sign)
+    a, b, c = strip.triangles[t, 0], strip.triangles[t, 1], strip.triangles[t, 2]
+    _add(
+        strip.residual, strip.pixel, strip.weights, strip.first[t], strip.last[t], strip.color, a, b, c, sign
+    )
 
 
 @bare_kernel
@@ -255,12 +258,12 @@ def _add(residual, pixel, weights, first, last, color, a, b, c, sign):
 
 
 @bare_kernel
-def _show(plot, holes, n_holes):
+def _show(strip, n_holes):
     """Put new triangles into the picture."""
     for i in range(n_holes):
-        t = holes[i]
-        cover(plot, t)
-        _paint(plot, t, -1.0)
-        plot.stale[t] = True
+        t = strip.holes[i]
+        cover(strip, t)
+        _paint(strip, t, -1.0)
+        strip.stale[t] = True
         for k in range(3):
-            plot.restless[plot.triangles[t, k]] = True
+            strip.restless[strip.triangles[t, k]] = True

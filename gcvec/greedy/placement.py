@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from gcvec.greedy.colors import adapt, usefulness
 from gcvec.greedy.delaunay import insert, remove
-from gcvec.greedy.plot import (
+from gcvec.greedy.queues import NONE_FULL, Full, Queue, how_many, useful
+from gcvec.greedy.seats import Seats, image_of
+from gcvec.greedy.strip import (
     CANDIDATES,
     NOBODY,
     TRIANGLES,
     VERTICES,
-    Plot,
+    Strip,
     barycentric,
 )
-from gcvec.greedy.queues import NONE_FULL, Full, Queue, how_many, useful
-from gcvec.greedy.seats import Seats, image_of
 from gcvec.kernels import bare_kernel
 from gcvec.parallel import in_turn
 from gcvec.patches.mesh import jittered
@@ -95,25 +95,25 @@ def _look(first, last, pixels, weights, residual, under, taken, patch_at, patch,
 
 
 @bare_kernel
-def look_everywhere(plot, seats):
+def look_everywhere(strip, seats):
     """Look at every triangle in which something has changed."""
-    offset = plot.first_row * plot.width
-    for t in range(plot.counts[TRIANGLES]):
-        if not plot.stale[t] or plot.triangles[t, 0] == NOBODY:
+    offset = strip.first_row * strip.width
+    for t in range(strip.counts[TRIANGLES]):
+        if not strip.stale[t] or strip.triangles[t, 0] == NOBODY:
             continue
-        plot.stale[t] = False
-        plot.gain[t], plot.best[t] = _look(
-            plot.first[t], plot.last[t], plot.pixel, plot.weights, plot.residual,
-            seats.under, seats.taken, seats.patch, plot.patch[t], offset, plot.worst, plot.candidate,
+        strip.stale[t] = False
+        strip.gain[t], strip.best[t] = _look(
+            strip.first[t], strip.last[t], strip.pixel, strip.weights, strip.residual,
+            seats.under, seats.taken, seats.patch, strip.patch[t], offset, strip.worst, strip.candidate,
         )  # fmt: skip
 
 
 @bare_kernel
-def _settle(plot, pull):
-    for v in range(plot.counts[VERTICES]):
-        if plot.whole[v] and plot.restless[v]:
-            adapt(plot, v, pull)
-    return _square(plot.residual)
+def _settle(strip, pull):
+    for v in range(strip.counts[VERTICES]):
+        if strip.whole[v] and strip.restless[v]:
+            adapt(strip, v, pull)
+    return _square(strip.residual)
 
 
 @bare_kernel
@@ -126,80 +126,82 @@ def _square(residual):
 
 
 @bare_kernel
-def _grow(plot, seats, queue, room, pull):
+def _grow(strip, seats, queue, room, pull):
     """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts down; those that
     have changed meanwhile have to wait until colours have adapted."""
     for t in queue:
-        patch = plot.patch[t]
-        if plot.gain[t] <= 0.0 or room[patch] == 0 or plot.counts[VERTICES] + 1 >= len(plot.domain):
+        patch = strip.patch[t]
+        if strip.gain[t] <= 0.0 or room[patch] == 0 or strip.counts[VERTICES] + 1 >= len(strip.domain):
             continue
-        n_new = _place(plot, seats, t, plot.holes, pull)
-        plot.gain[t] = 0.0
+        n_new = _place(strip, seats, t, pull)
+        strip.gain[t] = 0.0
         for i in range(n_new):
-            plot.gain[plot.holes[i]] = 0.0
+            strip.gain[strip.holes[i]] = 0.0
         if n_new > 0:
             room[patch] -= 1
 
 
 @bare_kernel
-def _place(plot, seats, t, holes, pull):
-    """Put a control point where it saves most in a triangle; its new triangles are `holes[:n]`, n is
+def _place(strip, seats, t, pull):
+    """Put a control point where it saves most in a triangle; its new triangles are `strip.holes[:n]`, n is
     returned."""
-    pixel = plot.best[t]
-    at = seats.under[pixel + plot.first_row * plot.width]
+    pixel = strip.best[t]
+    at = seats.under[pixel + strip.first_row * strip.width]
     if seats.taken[at]:
         return 0
-    v = plot.counts[VERTICES]
+    v = strip.counts[VERTICES]
     x, y = jittered(at % seats.width + seats.column, at // seats.width + seats.row)
     x, y = x - seats.column, y - seats.row
-    plot.domain[v, 0], plot.domain[v, 1] = x, y
-    plot.image[v, 0], plot.image[v, 1] = image_of(seats, x, y, at)
-    a, b, c = plot.triangles[t, 0], plot.triangles[t, 1], plot.triangles[t, 2]
-    w0, w1, w2 = barycentric(plot.image, a, b, c, plot.image[v, 0], plot.image[v, 1])
+    strip.domain[v, 0], strip.domain[v, 1] = x, y
+    strip.image[v, 0], strip.image[v, 1] = image_of(seats, x, y, at)
+    a, b, c = strip.triangles[t, 0], strip.triangles[t, 1], strip.triangles[t, 2]
+    w0, w1, w2 = barycentric(strip.image, a, b, c, strip.image[v, 0], strip.image[v, 1])
     for k in range(3):
-        color = w0 * plot.color[a, k] + w1 * plot.color[b, k] + w2 * plot.color[c, k]
-        plot.color[v, k] = min(max(color, 0.0), 1.0)
-    n_new = insert(plot, v, t, holes)
+        color = w0 * strip.color[a, k] + w1 * strip.color[b, k] + w2 * strip.color[c, k]
+        strip.color[v, k] = min(max(color, 0.0), 1.0)
+    n_new = insert(strip, v, t)
     if n_new > 0:
-        plot.counts[VERTICES] += 1
-        plot.seat[v] = at
-        plot.whole[v] = True
+        strip.counts[VERTICES] += 1
+        strip.seat[v] = at
+        strip.whole[v] = True
         seats.taken[at] = True
-        adapt(plot, v, pull)
+        adapt(strip, v, pull)
     return n_new
 
 
 @bare_kernel
-def _rate(plot, use):
+def _rate(strip, use):
     """Usefulness of every vertex, infinite for those that cannot be taken out."""
     for v in range(len(use)):
-        use[v] = usefulness(plot, v) if plot.whole[v] else np.inf
+        use[v] = usefulness(strip, v) if strip.whole[v] else np.inf
 
 
 @bare_kernel
-def _thin(plot, use, limit):
+def _thin(strip, use, limit):
     """Take out the vertices whose usefulness is not above the `limit` `(patches,)` of their patch."""
     for v in range(len(use)):
-        if not plot.whole[v] or use[v] > limit[plot.patch[plot.at_vertex[v]]]:
+        if not strip.whole[v] or use[v] > limit[strip.patch[strip.at_vertex[v]]]:
             continue
-        if remove(plot, v, plot.holes) > 0:
-            plot.whole[v] = False
-            plot.seat[v] = NOBODY
+        if remove(strip, v) > 0:
+            strip.whole[v] = False
+            strip.seat[v] = NOBODY
 
 
 class Placement:
     """Placing control points on one mesh, until the next one is made.
 
-    plots   strips of the picture
+    strips   strips of the picture
     error   squared error of the picture as it is, in [0, 1] colours, summed over pixels and channels
     lack    how much of it there is because patches may have no more points: what the others cannot make up
             for, however many points are spent there
     """
 
-    def __init__(self, plots: list[Plot], seats: Seats, error: float, room: Ints | None, pull: float) -> None:
+    def __init__(
+        self, strips: list[Strip], seats: Seats, error: float, room: Ints | None, pull: float
+    ) -> None:
         """`room` `(patches,)` is how many more points each patch may have, None: any number. `pull` is w of
         equation (7)."""
-        self.plots = plots
+        self.strips = strips
         self._seats = seats
         self._elsewhere = 0.0
         self._room = room
@@ -207,25 +209,25 @@ class Placement:
         # Patches may be so thin that they hold the centre of no pixel.
         self._n_patches = int(seats.patch.max()) + 1 if room is None else len(room)
         self._stuck = np.zeros(self._n_patches, bool)
-        self._first_new = [int(plot.counts[VERTICES]) for plot in plots]
+        self._first_new = [int(strip.counts[VERTICES]) for strip in strips]
         self.error, self.lack = error, 0.0
         # Where strips overlap each sees its own changes only.
-        self._elsewhere = error - sum(in_turn(lambda plot: _square(plot.residual), plots))
+        self._elsewhere = error - sum(in_turn(lambda strip: _square(strip.residual), strips))
 
     def thin_out(self, share: float) -> None:
         """Take out the least useful `share` of the points, all over the picture, and of each patch that may
         have no more by itself; their seats stay taken."""
         if not share:
             return
-        rated = [np.empty(plot.counts[VERTICES]) for plot in self.plots]
-        pairs = list(zip(self.plots, rated, strict=True))
+        rated = [np.empty(strip.counts[VERTICES]) for strip in self.strips]
+        pairs = list(zip(self.strips, rated, strict=True))
         in_turn(lambda pair: _rate(*pair), pairs)
-        patches = [plot.patch[plot.at_vertex[: len(use)]] for plot, use in pairs]
+        patches = [strip.patch[strip.at_vertex[: len(use)]] for strip, use in pairs]
         limit = self._limits(np.concatenate(rated), np.concatenate(patches), share)
         in_turn(lambda pair: _thin(*pair, limit), pairs)
         if self._room is not None:
-            for (plot, use), patch in zip(pairs, patches, strict=True):
-                gone = np.isfinite(use) & (plot.seat[: len(use)] == NOBODY)
+            for (strip, use), patch in zip(pairs, patches, strict=True):
+                gone = np.isfinite(use) & (strip.seat[: len(use)] == NOBODY)
                 self._room += np.bincount(patch[gone], minlength=self._n_patches)
         self.settle()
 
@@ -240,10 +242,10 @@ class Placement:
 
     def settle(self) -> None:
         """Let colours adapt."""
-        self.error = self._elsewhere + sum(in_turn(lambda plot: _settle(plot, self._pull), self.plots))
+        self.error = self._elsewhere + sum(in_turn(lambda strip: _settle(strip, self._pull), self.strips))
 
     def grow(self, goal: float, most: int) -> bool:
-        """Place points until the error is `goal` or less, about `most` are placed, or plots have no room for
+        """Place points until the error is `goal` or less, about `most` are placed, or strips have no room for
         more. False: no more points help.
 
         What patches lack that may have no more points is not asked of the others (see `lack`).
@@ -269,30 +271,30 @@ class Placement:
             threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
             new, stuck = self._place([self._best(q, threshold) for q in queues])
             if not new and not stuck:
-                return any(plot.counts[VERTICES] + 1 >= len(plot.domain) for plot in self.plots)
+                return any(strip.counts[VERTICES] + 1 >= len(strip.domain) for strip in self.strips)
             placed += new
             self.settle()
         return True
 
     def result(self) -> tuple[Ints, Floats, NDArray[np.bool_]]:
         """Control points `(n, 2)` as pixels of the domain, their colours, and which ones are new; by rows."""
-        held = [np.flatnonzero(plot.seat[: plot.counts[VERTICES]] >= 0) for plot in self.plots]
-        seat = np.concatenate([plot.seat[own] for plot, own in zip(self.plots, held, strict=True)])
-        color = np.concatenate([plot.color[own] for plot, own in zip(self.plots, held, strict=True)])
+        held = [np.flatnonzero(strip.seat[: strip.counts[VERTICES]] >= 0) for strip in self.strips]
+        seat = np.concatenate([strip.seat[own] for strip, own in zip(self.strips, held, strict=True)])
+        color = np.concatenate([strip.color[own] for strip, own in zip(self.strips, held, strict=True)])
         new = np.concatenate([own >= first for own, first in zip(held, self._first_new, strict=True)])
-        # Those along the cuts are in several plots.
+        # Those along the cuts are in several strips.
         seat, one = np.unique(seat, return_index=True)
         return np.stack([seat % self._seats.width, seat // self._seats.width], axis=1), color[one], new[one]
 
     def _queues(self) -> tuple[list[Queue], Full]:
-        """For each plot the triangles where a point would save something and may be, and the patches that may
-        have no more points."""
+        """For each strip the triangles where a point would save something and may be, and the patches that
+        may have no more points."""
 
-        def look(plot: Plot) -> Queue:
-            look_everywhere(plot, self._seats)
-            return useful(plot)
+        def look(strip: Strip) -> Queue:
+            look_everywhere(strip, self._seats)
+            return useful(strip)
 
-        queues = in_turn(look, self.plots)
+        queues = in_turn(look, self.strips)
         if self._room is None:
             return queues, NONE_FULL
         gain = np.concatenate([q.gain for q in queues])
@@ -315,9 +317,9 @@ class Placement:
     def _squares(self) -> Floats:
         """`(patches,)` squared errors."""
         total = np.zeros(self._n_patches)
-        for plot in self.plots:
-            own = slice(plot.first_row * plot.width, (plot.first_row + plot.rows) * plot.width)
-            total += np.bincount(self._seats.patch[own], (plot.residual**2).sum(axis=1), self._n_patches)
+        for strip in self.strips:
+            own = slice(strip.first_row * strip.width, (strip.first_row + strip.rows) * strip.width)
+            total += np.bincount(self._seats.patch[own], (strip.residual**2).sum(axis=1), self._n_patches)
         return total
 
     def _best(self, queue: Queue, threshold: float) -> Ints:
@@ -330,17 +332,17 @@ class Placement:
         return chosen.triangle[np.argsort(-chosen.gain, kind="stable")]
 
     def _place(self, queues: list[Ints]) -> tuple[int, bool]:
-        """Place points in these triangles of each plot. How many, and whether a patch that has a bound has
+        """Place points in these triangles of each strip. How many, and whether a patch that has a bound has
         got none of them: it is asked no more then."""
 
-        def grow(pair: tuple[Plot, Ints]) -> tuple[Ints, Ints]:
-            plot, queue = pair
-            asked = np.bincount(plot.patch[queue], minlength=self._n_patches)
+        def grow(pair: tuple[Strip, Ints]) -> tuple[Ints, Ints]:
+            strip, queue = pair
+            asked = np.bincount(strip.patch[queue], minlength=self._n_patches)
             left = asked.copy()
-            _grow(plot, self._seats, queue, left, self._pull)
+            _grow(strip, self._seats, queue, left, self._pull)
             return asked, asked - left
 
-        asked, used = np.sum(in_turn(grow, list(zip(self.plots, queues, strict=True))), axis=0)
+        asked, used = np.sum(in_turn(grow, list(zip(self.strips, queues, strict=True))), axis=0)
         if self._room is None:
             return int(used.sum()), False
         self._room -= used

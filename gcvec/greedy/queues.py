@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.greedy.plot import TRIANGLES, Plot
+from gcvec.greedy.strip import TRIANGLES, Strip
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,12 +26,12 @@ of those that have none."""
 
 
 class Queue(NamedTuple):
-    """Triangles of a plot where a point would save something.
+    """Triangles of a strip where a point would save something.
 
     triangle  (q,) int64
     gain      (q,) squared error that the best point inside would save
     patch     (q,) int64
-    rank      (q,) int64, how many of the same patch, in any plot, save more
+    rank      (q,) int64, how many of the same patch, in any strip, save more
     """
 
     triangle: Ints
@@ -82,8 +82,8 @@ def how_many(gain: Floats, missing: Callable[[float], float]) -> int:
     return low
 
 
-def useful(plot: Plot) -> Queue:
-    """All triangles of a plot where a point would save something."""
-    gain = plot.gain[: plot.counts[TRIANGLES]]
+def useful(strip: Strip) -> Queue:
+    """All triangles of a strip where a point would save something."""
+    gain = strip.gain[: strip.counts[TRIANGLES]]
     found = np.flatnonzero(gain > 0)
-    return Queue(found, gain[found], plot.patch[found], np.zeros_like(found))
+    return Queue(found, gain[found], strip.patch[found], np.zeros_like(found))

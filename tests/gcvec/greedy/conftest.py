@@ -9,4 +9,4 @@ from gcvec.greedy import begin
 
 @pytest.fixture(autouse=True)
 def one_strip(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(begin, "TRIANGLES_A_PLOT", 10**9)
+    monkeypatch.setattr(begin, "TRIANGLES_A_STRIP", 10**9)

@@ -8,8 +8,8 @@ import numpy as np
 
 from gcvec.colors.color_fit import ColorFit, color_fit
 from gcvec.greedy import Placement, begin_placement
-from gcvec.greedy.plot import TRIANGLES, VERTICES, Plot
 from gcvec.greedy.seats import seats
+from gcvec.greedy.strip import TRIANGLES, VERTICES, Strip
 from gcvec.patches.canonical import Canvas, Foundation, lay_unfolded_canvas
 from gcvec.refinement.clearance import room
 from tests.gcvec.scenes import SCENES, foundation_of, some_points
@@ -58,27 +58,29 @@ def garden(scene: str, n_points: int, left: int | None = None) -> Garden:
     return Garden(foundation, points, canvas, fit, colors, photo, placement)
 
 
-def alive(plot: Plot) -> np.ndarray:
+def alive(strip: Strip) -> np.ndarray:
     """Triangles in use."""
-    triangles = np.arange(plot.counts[TRIANGLES])
-    return triangles[plot.triangles[triangles, 0] >= 0]
+    triangles = np.arange(strip.counts[TRIANGLES])
+    return triangles[strip.triangles[triangles, 0] >= 0]
 
 
-def triangle_keys(plot: Plot) -> set[frozenset[tuple[float, float]]]:
+def triangle_keys(strip: Strip) -> set[frozenset[tuple[float, float]]]:
     """The triangles as sets of places in the domain, which name vertices whatever their numbers."""
-    return {frozenset((float(x), float(y)) for x, y in plot.domain[plot.triangles[t]]) for t in alive(plot)}
+    return {
+        frozenset((float(x), float(y)) for x, y in strip.domain[strip.triangles[t]]) for t in alive(strip)
+    }
 
 
-def painted(plot: Plot, height: int) -> np.ndarray:
-    """The picture of a plot's triangles `(h w, 3)`, entry by entry."""
-    picture = np.zeros((height * plot.width, 3))
-    for t in alive(plot):
-        for e in range(plot.first[t], plot.last[t]):
-            picture[plot.first_row * plot.width + plot.pixel[e]] += (
-                plot.weights[e] @ plot.color[plot.triangles[t]]
+def painted(strip: Strip, height: int) -> np.ndarray:
+    """The picture of a strip's triangles `(h w, 3)`, entry by entry."""
+    picture = np.zeros((height * strip.width, 3))
+    for t in alive(strip):
+        for e in range(strip.first[t], strip.last[t]):
+            picture[strip.first_row * strip.width + strip.pixel[e]] += (
+                strip.weights[e] @ strip.color[strip.triangles[t]]
             )
     return picture
 
 
-def whole_vertices(plot: Plot) -> np.ndarray:
-    return np.flatnonzero(plot.whole[: plot.counts[VERTICES]])
+def whole_vertices(strip: Strip) -> np.ndarray:
+    return np.flatnonzero(strip.whole[: strip.counts[VERTICES]])

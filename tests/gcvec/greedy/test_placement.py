@@ -7,50 +7,50 @@ import pytest
 
 from gcvec.greedy import begin
 from gcvec.greedy.placement import look_everywhere
-from gcvec.greedy.plot import VERTICES
+from gcvec.greedy.strip import VERTICES
 from gcvec.parallel import use_workers
 from tests.gcvec.greedy.gardens import Garden, alive, garden, painted
 
 
-def slow_gain(plot, seats, t: int) -> float:
+def slow_gain(strip, seats, t: int) -> float:
     """The most that any pixel of a triangle saves, by the formula, one pixel after another."""
-    own = np.arange(plot.first[t], plot.last[t])
-    area = plot.weights[own].sum(axis=1).astype(float)
-    pixel = plot.pixel[own]
+    own = np.arange(strip.first[t], strip.last[t])
+    area = strip.weights[own].sum(axis=1).astype(float)
+    pixel = strip.pixel[own]
     best = 0.0
     for e, a in zip(own, area, strict=True):
-        seat = seats.under[plot.pixel[e] + plot.first_row * plot.width]
-        q = plot.weights[e] / a
-        if a < 0.3 or seats.taken[seat] or seats.patch[seat] != plot.patch[t] or q.min() < 0.02:
+        seat = seats.under[strip.pixel[e] + strip.first_row * strip.width]
+        q = strip.weights[e] / a
+        if a < 0.3 or seats.taken[seat] or seats.patch[seat] != strip.patch[t] or q.min() < 0.02:
             continue
-        phi = np.maximum((plot.weights[own] / q).min(axis=1), 0)
-        pressure = (phi[:, None] * plot.residual[pixel]).sum(axis=0)
+        phi = np.maximum((strip.weights[own] / q).min(axis=1), 0)
+        pressure = (phi[:, None] * strip.residual[pixel]).sum(axis=0)
         best = max(best, float((pressure**2).sum() / (1e-12 + (phi**2 / area).sum())))
     return best
 
 
 def test_gains_are_those_of_the_formula() -> None:
     start = garden("voronoi", 300)
-    (plot,) = start.placement.plots
+    (strip,) = start.placement.strips
     seats = start.placement._seats
-    look_everywhere(plot, seats)
-    for t in alive(plot)[::11]:
-        assert plot.gain[t] <= slow_gain(plot, seats, t) * (1 + 1e-4) + 1e-9
-        if plot.last[t] - plot.first[t] <= 8:  # all of its pixels are tried
-            assert plot.gain[t] == pytest.approx(slow_gain(plot, seats, t), rel=1e-3, abs=1e-7)
+    look_everywhere(strip, seats)
+    for t in alive(strip)[::11]:
+        assert strip.gain[t] <= slow_gain(strip, seats, t) * (1 + 1e-4) + 1e-9
+        if strip.last[t] - strip.first[t] <= 8:  # all of its pixels are tried
+            assert strip.gain[t] == pytest.approx(slow_gain(strip, seats, t), rel=1e-3, abs=1e-7)
 
 
 @pytest.mark.parametrize("scene", ["ring", "voronoi"])
 def test_the_error_is_that_of_the_picture_it_stands_for(scene: str) -> None:
     """Photo less picture stays true through points put in, taken out and coloured anew."""
     start = garden(scene, 100)
-    height = len(start.photo) // start.placement.plots[0].width
-    (plot,) = start.placement.plots
-    rest = start.photo - painted(plot, height) - plot.residual  # borders are straight here
+    height = len(start.photo) // start.placement.strips[0].width
+    (strip,) = start.placement.strips
+    rest = start.photo - painted(strip, height) - strip.residual  # borders are straight here
     assert start.placement.grow(0.4 * start.placement.error, 600)
     start.placement.thin_out(0.1)
-    now = start.photo - painted(plot, height) - rest
-    np.testing.assert_allclose(plot.residual, now, atol=2e-4)
+    now = start.photo - painted(strip, height) - rest
+    np.testing.assert_allclose(strip.residual, now, atol=2e-4)
     assert start.placement.error == pytest.approx((now**2).sum(), rel=1e-3)
 
 
@@ -108,9 +108,9 @@ def test_what_full_patches_lack_is_not_asked_of_others() -> None:
 
 def test_the_last_points_of_a_patch_go_where_they_save_most(monkeypatch: pytest.MonkeyPatch) -> None:
     """And not to whichever strip comes first."""
-    monkeypatch.setattr(begin, "TRIANGLES_A_PLOT", 100)
+    monkeypatch.setattr(begin, "TRIANGLES_A_STRIP", 100)
     start = garden("ring", 300, left=12)
-    assert len(start.placement.plots) == 4
+    assert len(start.placement.strips) == 4
     start.placement.grow(0.0, 1000)
     points, _, new = start.placement.result()
     patch = start.foundation.geometry.patch_at()[points[:, 1], points[:, 0]]
@@ -130,12 +130,12 @@ def test_full_patches_exchange_their_own_points() -> None:
 
 def test_strips_and_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut into strips the picture gets as many points, the same ones with one thread as with two."""
-    monkeypatch.setattr(begin, "TRIANGLES_A_PLOT", 100)
+    monkeypatch.setattr(begin, "TRIANGLES_A_STRIP", 100)
     results = []
     for workers in (1, 2):
         use_workers(workers)
         start = garden("ring", 300)
-        assert len(start.placement.plots) == 4
+        assert len(start.placement.strips) == 4
         start.placement.grow(0.5 * start.placement.error, 2000)
         results.append(start.placement.result())
     for one, two in zip(*results, strict=True):
@@ -153,15 +153,15 @@ def test_no_more_go_than_can() -> None:
     assert len(start.placement.result()[0]) < 0.2 * len(start.points)
     start.placement.thin_out(1.0)
     assert start.placement.error == pytest.approx(
-        float((start.placement.plots[0].residual ** 2).sum()), rel=0.2
+        float((start.placement.strips[0].residual ** 2).sum()), rel=0.2
     )
 
 
-def test_a_plot_without_room_is_no_reason_to_give_up() -> None:
+def test_a_strip_without_room_is_no_reason_to_give_up() -> None:
     """The next round has more."""
     made = garden("voronoi", 20)
-    made.placement.plots = [
-        plot._replace(domain=plot.domain[: plot.counts[VERTICES] + 4]) for plot in made.placement.plots
+    made.placement.strips = [
+        strip._replace(domain=strip.domain[: strip.counts[VERTICES] + 4]) for strip in made.placement.strips
     ]
     assert made.placement.grow(0.0, 1000)
     *_, new = made.placement.result()

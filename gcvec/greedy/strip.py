@@ -33,7 +33,7 @@ NOBODY = -1
 TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP = range(5)
 
 
-class Plot(NamedTuple):
+class Strip(NamedTuple):
     """Mesh, coverage and error of a strip. Arrays have room for what comes.
 
     counts      (5,) int64: triangles, vertices, entries, unused triangles, and a stamp for marks
@@ -106,7 +106,7 @@ class Plot(NamedTuple):
     width: int
 
 
-def plot(
+def roomy_strip(
     domain: Floats,
     image: Floats,
     color: Floats,
@@ -116,7 +116,7 @@ def plot(
     residual: NDArray[np.float32],
     photo: NDArray[np.float32],
     width: int,
-) -> Plot:
+) -> Strip:
     """A strip of a mesh, with room for twice as many points again.
 
     Vertices have one colour each: where they have two, on hard edges, there are two vertices. `residual` and
@@ -139,7 +139,7 @@ def plot(
         held[: len(values)] = values
         return held
 
-    made = Plot(
+    made = Strip(
         counts=np.array([n_triangles, n_vertices, 0, 0, 0]),
         domain=roomy(domain, v),
         image=roomy(image, v),
@@ -199,18 +199,18 @@ def barycentric(image, a, b, c, x, y):
 
 
 @bare_kernel
-def _assemble(plot):
-    for t in range(plot.counts[TRIANGLES]):
-        cover(plot, t)
-    for v in range(plot.counts[VERTICES]):
-        plot.whole[v] = plot.seat[v] >= 0 and _is_surrounded(plot, v)
+def _assemble(strip):
+    for t in range(strip.counts[TRIANGLES]):
+        cover(strip, t)
+    for v in range(strip.counts[VERTICES]):
+        strip.whole[v] = strip.seat[v] >= 0 and _is_surrounded(strip, v)
 
 
 @kernel
-def _find_neighbors(plot):
+def _find_neighbors(strip):
     """Match the edges, listed by their smaller vertex."""
-    n_triangles, n_vertices = plot.counts[TRIANGLES], plot.counts[VERTICES]
-    triangles, neighbors, at_vertex = plot.triangles, plot.neighbors, plot.at_vertex
+    n_triangles, n_vertices = strip.counts[TRIANGLES], strip.counts[VERTICES]
+    triangles, neighbors, at_vertex = strip.triangles, strip.neighbors, strip.at_vertex
     start = np.zeros(n_vertices + 1, np.int64)
     for t in range(n_triangles):
         for k in range(3):
@@ -235,31 +235,31 @@ def _find_neighbors(plot):
 
 
 @bare_kernel
-def _place(plot, a, b, c):
+def _place(strip, a, b, c):
     """Corners of a triangle in the strip, into the scratch."""
-    places, image, top = plot.places, plot.image, plot.first_row
+    places, image, top = strip.places, strip.image, strip.first_row
     places[0, 0], places[0, 1] = image[a, 0], image[a, 1] - top
     places[1, 0], places[1, 1] = image[b, 0], image[b, 1] - top
     places[2, 0], places[2, 1] = image[c, 0], image[c, 1] - top
 
 
 @bare_kernel
-def most_entries(plot, a, b, c):
+def most_entries(strip, a, b, c):
     """How many entries a triangle may need."""
-    _place(plot, a, b, c)
-    return cells(plot.places, plot.width, 0, plot.rows)
+    _place(strip, a, b, c)
+    return cells(strip.places, strip.width, 0, strip.rows)
 
 
 @bare_kernel
-def cover(plot, t):
+def cover(strip, t):
     """Find the pixels of a triangle."""
-    _place(plot, plot.triangles[t, 0], plot.triangles[t, 1], plot.triangles[t, 2])
-    first = plot.counts[ENTRIES]
-    plot.first[t] = first
-    plot.counts[ENTRIES] = cover_triangle(
-        plot.places, plot.width, 0, plot.rows, plot.pixel, plot.weights, first, plot.clipping
+    _place(strip, strip.triangles[t, 0], strip.triangles[t, 1], strip.triangles[t, 2])
+    first = strip.counts[ENTRIES]
+    strip.first[t] = first
+    strip.counts[ENTRIES] = cover_triangle(
+        strip.places, strip.width, 0, strip.rows, strip.pixel, strip.weights, first, strip.clipping
     )
-    plot.last[t] = plot.counts[ENTRIES]
+    strip.last[t] = strip.counts[ENTRIES]
 
 
 @bare_kernel
@@ -277,11 +277,11 @@ def next_around(triangles, neighbors, t, vertex):
 
 
 @bare_kernel
-def _is_surrounded(plot, vertex):
-    start = plot.at_vertex[vertex]
+def _is_surrounded(strip, vertex):
+    start = strip.at_vertex[vertex]
     t = start
-    for _ in range(plot.counts[TRIANGLES]):
-        t = next_around(plot.triangles, plot.neighbors, t, vertex)
+    for _ in range(strip.counts[TRIANGLES]):
+        t = next_around(strip.triangles, strip.neighbors, t, vertex)
         if t == NOBODY:
             return False
         if t == start:
