@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import tempfile
@@ -49,17 +50,31 @@ def load_vector_image(path: Path) -> VectorImage:
         return VectorImage.from_bytes(path.read_bytes())
 
 
-def require_folder(*paths: Path | None) -> None:
-    """Refuse output files that no folder could hold, before the work and not after it. Raises InputError."""
-    for path in paths:
-        if path is not None and not path.absolute().parent.is_dir():
-            raise InputError(f"{path}: no such folder: {path.parent}", code="no-folder")
-        if path is not None and path.is_dir():
+def check_outputs(*outputs: Path | None, inputs: tuple[Path | None, ...] = ()) -> None:
+    """Refuse output files, before the work and not after it.
+
+    Raises `InputError` for those that no folder could hold, and for one that is an input or another output;
+    PermissionError for those that may not be written.
+    """
+    taken = [path for path in inputs if path is not None]
+    for path in outputs:
+        if path is None:
+            continue
+        folder = path.resolve().parent
+        if not folder.is_dir():
+            raise InputError(f"{path}: no such folder: {folder}", code="no-folder")
+        if path.is_dir():
             raise InputError(f"{path}: is a folder", code="is-a-folder")
+        if any(_is_same(path, other) for other in taken):
+            raise InputError(f"{path}: would be written over another file of this command", code="same-file")
+        if not _may_be_written(path):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        taken.append(path)
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all. An OSError names the file, not what it is made of."""
+    """Write a file whole or not at all, where it can be replaced. An OSError names the file, not what it is
+    made of."""
     try:
         _write(path, data)
     except OSError as error:
@@ -67,9 +82,20 @@ def write(path: Path, data: bytes) -> None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    with tempfile.NamedTemporaryFile(
-        dir=path.absolute().parent, prefix=f".{path.name}.", delete=False
-    ) as file:
+    if _is_special(path):
+        path.write_bytes(data)
+        return
+    target = path.resolve()  # what a link leads to is replaced, not the link
+    try:
+        _replace(target, data)
+    except PermissionError:
+        if not target.exists():
+            raise
+        target.write_bytes(data)  # its folder is closed to us; the file itself may be open
+
+
+def _replace(path: Path, data: bytes) -> None:
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
         try:
             file.write(data)
             file.close()
@@ -78,6 +104,24 @@ def _write(path: Path, data: bytes) -> None:
         except BaseException:
             os.unlink(file.name)
             raise
+
+
+def _is_special(path: Path) -> bool:
+    """Whether this is a device or a pipe: one writes into it, and must never put a file in its place."""
+    return path.exists() and not path.is_file()
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    """Whether two paths lead to the same file, there or yet to be written."""
+    if path.exists() and other.exists():
+        return path.samefile(other) and not _is_special(path)
+    return path.resolve() == other.resolve()
+
+
+def _may_be_written(path: Path) -> bool:
+    """Whether a file may be written itself, or be replaced by another in its folder."""
+    folder_will_do = not _is_special(path) and os.access(path.resolve().parent, os.W_OK)
+    return folder_will_do or os.access(path, os.W_OK)
 
 
 def warn(path: Path, warnings: Iterable[str]) -> None:

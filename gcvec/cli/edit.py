@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import about, load_vector_image, require_folder, warn, write
+from gcvec.cli._files import about, check_outputs, load_vector_image, warn, write
 from gcvec.cli._options import EXISTING_FILE, NEW_FILE
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ RECOLOR = re.compile(r"(\d+):#([0-9a-fA-F]{6})")
 )
 def edit(vector_image: Path, output: Path, move: tuple[str, ...], recolor: tuple[str, ...]) -> None:
     """Move control points of boundary curves and recolour patches. Nothing is fitted again."""
-    require_folder(output)
+    check_outputs(output)  # which may be the input
     moves = [_move(text) for text in move]
     recolors = [_recolor(text) for text in recolor]
     if not moves and not recolors:

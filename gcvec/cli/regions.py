@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import about, load_picture, require_folder, write
+from gcvec.cli._files import about, check_outputs, load_picture, write
 from gcvec.cli._options import NEW_FILE, matte_option, picture_argument
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @matte_option
 def regions(image: Path, output: Path, count: int, matte: str) -> None:
     """Divide a photo into regions along its edges, to correct by hand and pass to vectorize -a."""
-    require_folder(output)
+    check_outputs(output, inputs=(image,))
     document = DOCUMENTS.get(output.suffix.lower())
     if document is None:
         known = ", ".join(DOCUMENTS)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import load_vector_image, require_folder, write
+from gcvec.cli._files import check_outputs, load_vector_image, write
 from gcvec.cli._options import EXISTING_FILE, NEW_FILE
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ MAX_PIXELS = 2**28
 )
 def render(vector_image: Path, output: Path, scale: float, raw: bool) -> None:
     """Draw a vector image at any scale, or write it in another format."""
-    require_folder(output)
+    check_outputs(output, inputs=(vector_image,))
     ending = output.suffix.lower()
     if ending not in DOCUMENTS and ending != ".png":
         known = ", ".join((".png", *DOCUMENTS))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gcvec.cli._files import about, load_picture, require_folder, warn, write
+from gcvec.cli._files import about, check_outputs, load_picture, warn, write
 from gcvec.cli._options import (
     EXISTING_FILE,
     NEW_FILE,
@@ -59,7 +59,7 @@ def vectorize(
     if image_name and not annotations:
         raise click.BadParameter("needs --annotations", param_hint="'--image-name'")
     options = Options(**settings)
-    require_folder(output, report, preview)
+    check_outputs(output, report, preview, inputs=(image, annotations))
     picture = load_picture(image, matte)
     annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
 
