@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.annotations import Annotations
+from gcvec.annotations import Annotations, check_size
 from gcvec.borders.border import borders
 from gcvec.borders.localize import LARGEST_SHIFT, localized
 from gcvec.borders.planar_graph import planar_graph
@@ -68,6 +68,8 @@ def vectorize(
     use_workers(options.workers)
     clock = StageClock()
     height, width = pixels.shape[:2]
+    if annotations is not None:
+        check_size(annotations, width, height)
     picture = pixels / 255.0
     tell = _Teller(on_progress)
 

@@ -170,6 +170,13 @@ def test_annotations_beside_the_picture_are_refused() -> None:
         vectorize(noise(), Annotations(shapes=(far,)))
 
 
+def test_annotations_of_a_picture_of_another_size_are_refused() -> None:
+    whole = Shape(label="all", rings=(np.array([(0.0, 0), (40, 0), (40, 30)]),))
+    with pytest.raises(InputError, match="for a picture of 41 x 30 pixels") as refused:
+        vectorize(noise(), Annotations((whole,), 41, 30))
+    assert refused.value.code == "size-mismatch"
+
+
 def test_same_input_same_file() -> None:
     made = SCENES["voronoi"]
     again = vectorize(made.picture(), made.annotations())
