@@ -6,7 +6,7 @@ import errno
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from gcvec import VectorImage
     from gcvec.io import Picture
 
+STANDARD_STREAM = Path("-")
+"""Stands for stdin among inputs and for stdout among outputs."""
+
 
 @contextmanager
 def about(path: Path) -> Iterator[None]:
@@ -25,6 +28,15 @@ def about(path: Path) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(f"{path}: {error}", code=error.code, pointer=error.pointer) from error
+
+
+def read(path: Path) -> bytes:
+    """What a file holds, or stdin for `STANDARD_STREAM`."""
+    if path != STANDARD_STREAM:
+        return path.read_bytes()
+    if sys.stdin is None:
+        raise OSError(errno.EBADF, "stdin is closed", str(path))
+    return sys.stdin.buffer.read()
 
 
 def load_picture(path: Path, matte: str) -> Picture:
@@ -37,28 +49,31 @@ def load_picture(path: Path, matte: str) -> Picture:
 
     color = rgb_from_hex(matte, "matte")
     with about(path):
-        picture = read_picture(path.read_bytes(), matte=color)
+        picture = read_picture(read(path), matte=color)
     warn(path, picture.warnings)
     return picture
 
 
-def load_vector_image(path: Path) -> VectorImage:
-    """The vector image in a .gcv file. Raises InputError."""
+def load_vector_image(data: bytes, path: Path) -> VectorImage:
+    """The vector image that a .gcv file holds. Raises InputError."""
     from gcvec import VectorImage
 
     with about(path):
-        return VectorImage.from_bytes(path.read_bytes())
+        return VectorImage.from_bytes(data)
 
 
-def check_outputs(*outputs: Path | None, inputs: tuple[Path | None, ...] = ()) -> None:
+def check_files(*, inputs: Sequence[Path | None] = (), outputs: Sequence[Path | None] = ()) -> None:
     """Refuse output files, before the work and not after it.
 
     Raises `InputError` for those that no folder could hold, and for one that is an input or another output;
     PermissionError for those that may not be written.
     """
-    taken = [path for path in inputs if path is not None]
+    for paths, stream in ((inputs, "stdin is read"), (outputs, "stdout is written")):
+        if paths.count(STANDARD_STREAM) > 1:
+            raise InputError(f"{STANDARD_STREAM}: {stream} for one file only", code="same-file")
+    taken = [path for path in inputs if path and path != STANDARD_STREAM]
     for path in outputs:
-        if path is None:
+        if path is None or path == STANDARD_STREAM:
             continue
         folder = path.resolve().parent
         if not folder.is_dir():
@@ -73,12 +88,25 @@ def check_outputs(*outputs: Path | None, inputs: tuple[Path | None, ...] = ()) -
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all, where it can be replaced. An OSError names the file, not what it is
-    made of."""
+    """Write a file, whole or not at all where it can be replaced; or stdout for `STANDARD_STREAM`.
+
+    An OSError names the file, not what it is made of.
+    """
     try:
-        _write(path, data)
+        if path == STANDARD_STREAM:
+            _write_to_stdout(data)
+        else:
+            _write(path, data)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _write_to_stdout(data: bytes) -> None:
+    if sys.stdout is None:
+        raise OSError(errno.EBADF, "stdout is closed")
+    # Through no buffer of Python's own, which would be written again, and fail again, when the process ends.
+    with open(sys.stdout.fileno(), "wb", closefd=False) as stream:
+        stream.write(data)
 
 
 def _write(path: Path, data: bytes) -> None:

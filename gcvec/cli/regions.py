@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import about, check_outputs, load_picture, write
-from gcvec.cli._options import NEW_FILE, matte_option, picture_argument
+from gcvec.cli._files import about, check_files, load_picture, write
+from gcvec.cli._options import OUTPUT_FILE, matte_option, picture_or_stdin_argument
 
 if TYPE_CHECKING:
     from gcvec.regions.partition import Partition
 
 
 @click.command()
-@picture_argument
+@picture_or_stdin_argument
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=NEW_FILE,
+    type=OUTPUT_FILE,
     metavar="REGIONS",
     help="Its ending says what is written: .xml (CVAT for images 1.1) or .json (COCO 1.0).",
 )
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @matte_option
 def regions(image: Path, output: Path, count: int, matte: str) -> None:
     """Divide a photo into regions along its edges, to correct by hand and pass to vectorize -a."""
-    check_outputs(output, inputs=(image,))
+    check_files(inputs=(image,), outputs=(output,))
     document = DOCUMENTS.get(output.suffix.lower())
     if document is None:
         known = ", ".join(DOCUMENTS)

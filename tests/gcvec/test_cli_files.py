@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from gcvec.cli._app import run
-from gcvec.cli._files import check_outputs, write
+from gcvec.cli._files import check_files, write
 
 NOBODY = 65534
 
@@ -25,8 +25,8 @@ def gcvec(*arguments: object) -> int:
 
 @pytest.fixture
 def photo(tmp_path: Path) -> Path:
-    path = tmp_path / "photo.png"
-    Image.fromarray(np.full((8, 9, 3), 90, np.uint8)).save(path)
+    path = tmp_path / "photo"  # pictures are told apart by content
+    Image.fromarray(np.full((8, 9, 3), 90, np.uint8)).save(path, "PNG")
     return path
 
 
@@ -94,7 +94,7 @@ def test_a_link_into_no_folder_is_refused(
 def test_what_may_not_be_written_is_told_before_the_work(closed: Path) -> None:
     for name in ("new", "shut"):
         with pytest.raises(PermissionError) as told:
-            check_outputs(closed / name)
+            check_files(outputs=(closed / name,))
         assert told.value.filename == str(closed / name)
         with pytest.raises(PermissionError):
             write(closed / name, b"after")
@@ -102,7 +102,7 @@ def test_what_may_not_be_written_is_told_before_the_work(closed: Path) -> None:
 
 
 def test_a_file_that_may_be_written_is_where_its_folder_may_not(closed: Path) -> None:
-    check_outputs(closed / "open")
+    check_files(outputs=(closed / "open",))
     write(closed / "open", b"after")
     assert (closed / "open").read_bytes() == b"after"
 
@@ -110,15 +110,15 @@ def test_a_file_that_may_be_written_is_where_its_folder_may_not(closed: Path) ->
 @pytest.mark.parametrize(
     "command",
     [
-        "vectorize photo.png -o photo.png",
-        "vectorize photo.png -o ./photo.png",
-        "vectorize photo.png -o linked.png",
+        "vectorize photo -o photo",
+        "vectorize photo -o ./photo",
+        "vectorize photo -o linked",
         "vectorize photo.png -o out.gcv --preview photo.png",
-        "vectorize photo.png -a regions.xml -o regions.xml",
-        "vectorize photo.png -a regions.xml -o out.gcv --report regions.xml",
-        "vectorize photo.png -o out.gcv --report out.gcv",
-        "vectorize photo.png -o out.gcv --report new --preview ../{folder}/new",
-        "regions photo.png -o photo.png",
+        "vectorize photo -a regions.xml -o regions.xml",
+        "vectorize photo -a regions.xml -o out.gcv --report regions.xml",
+        "vectorize photo -o out.gcv --report out.gcv",
+        "vectorize photo -o out.gcv --report new.png --preview ../{folder}/new.png",
+        "regions photo.xml -o photo.xml",
         "render drawn.png -o drawn.png",
     ],
 )
@@ -127,7 +127,9 @@ def test_no_command_writes_over_what_it_reads_or_writes(
 ) -> None:
     folder = photo.parent
     monkeypatch.chdir(folder)
-    (folder / "linked.png").symlink_to(photo)
+    (folder / "linked").symlink_to(photo)
+    for ending in (".png", ".xml"):
+        photo.with_suffix(ending).write_bytes(photo.read_bytes())
     assert gcvec("regions", photo, "-o", "regions.xml") == 0
     assert gcvec("vectorize", photo, "-o", "drawn.gcv") == 0
     (folder / "drawn.gcv").rename("drawn.png")
@@ -135,6 +137,46 @@ def test_no_command_writes_over_what_it_reads_or_writes(
     assert gcvec(*command.format(folder=folder.name).split()) == 2
     assert "another file of this command" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "vectorize - -a - -o out.gcv",
+        "vectorize photo -o - --report -",
+        "compare - -",
+    ],
+)
+def test_a_standard_stream_is_for_one_file(
+    photo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(photo.parent)
+    assert gcvec(*command.split()) == 2
+    assert "one file only" in capsys.readouterr().err
+    assert list(photo.parent.iterdir()) == [photo]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        *(f"vectorize photo -o out.{ending}" for ending in ("png", "JPG", "webp", "tif", "svg", "json")),
+        "edit photo -o out.png --recolor 0:#204060",
+        *(f"vectorize photo -o out.gcv --preview out.{ending}" for ending in ("jpg", "gcv")),
+        "vectorize photo -o out.gcv --preview out",
+    ],
+)
+def test_what_is_written_is_what_the_ending_promises(
+    photo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(photo.parent)
+    assert gcvec(*command.split()) == 2
+    assert "out" in capsys.readouterr().err
+    assert list(photo.parent.iterdir()) == [photo]
+
+
+def test_a_vector_image_may_have_any_other_name(photo: Path, tmp_path: Path) -> None:
+    for name in ("plain", "photo.gcv.new", "photo.v1"):
+        assert gcvec("vectorize", photo, "-o", tmp_path / name) == 0
 
 
 def test_several_outputs_may_go_to_nowhere(photo: Path) -> None:
