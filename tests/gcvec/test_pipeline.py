@@ -166,7 +166,7 @@ def test_an_exception_in_the_callback_ends_the_run(phase: str) -> None:
 
 def test_annotations_beside_the_picture_are_refused() -> None:
     far = Shape(label="far", rings=(np.array([(900.0, 900), (950, 900), (950, 950)]),))
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"no shape covers a pixel .* dropped: outside the picture"):
         vectorize(noise(), Annotations(shapes=(far,)))
 
 
