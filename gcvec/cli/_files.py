@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcvec.cli._limits import limits
 from gcvec.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,10 +47,12 @@ def load_picture(path: Path, matte: str) -> Picture:
     """
     from gcvec.hex_color import rgb_from_hex
     from gcvec.io import read_picture
+    from gcvec.photo import require_photo
 
-    color = rgb_from_hex(matte, "matte")
+    color, bounds = rgb_from_hex(matte, "matte"), limits()
     with about(path):
-        picture = read_picture(read(path), matte=color)
+        picture = read_picture(read(path), limits=bounds, matte=color)
+        require_photo(picture.pixels)
     warn(path, picture.warnings)
     return picture
 

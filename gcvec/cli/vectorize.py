@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from gcvec.cli._files import STANDARD_STREAM, about, check_files, load_picture, read, warn, write
+from gcvec.cli._limits import limits
 from gcvec.cli._options import (
     INPUT_FILE,
     OUTPUT_FILE,
@@ -117,5 +118,6 @@ def _ignored_options(options: Options, annotations: Path | None) -> list[str]:
 def _load_regions(path: Path, image_name: str | None, picture_name: str) -> Annotations:
     from gcvec.io import read_annotations
 
+    bounds = limits()
     with about(path):
-        return read_annotations(read(path), image_name=image_name, picture_name=picture_name)
+        return read_annotations(read(path), image_name=image_name, picture_name=picture_name, limits=bounds)
