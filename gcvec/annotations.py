@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gcvec.errors import InputError
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -34,3 +36,17 @@ class Annotations:
     width: int = 0
     height: int = 0
     warnings: tuple[str, ...] = ()
+
+
+def check_size(annotations: Annotations, width: int, height: int) -> None:
+    """Raise `InputError` when the annotations were drawn on a picture of another size, or hold no region."""
+    stated = annotations.width, annotations.height
+    if stated not in ((0, 0), (width, height)):
+        raise InputError(
+            f"the annotations are for a picture of {stated[0]} x {stated[1]} pixels, "
+            f"this one has {width} x {height}",
+            code="size-mismatch",
+        )
+    if not annotations.shapes:
+        why = f" ({'; '.join(annotations.warnings)})" if annotations.warnings else ""
+        raise InputError(f"the annotations hold no region for this picture{why}", code="no-usable-polygon")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Literal
 
 from gcvec.errors import InputError
@@ -38,6 +39,12 @@ class Options:
     target_bytes: int = 0
 
     def __post_init__(self) -> None:
+        for name in ("max_points", "workers", "regions", "effort", "target_bytes"):
+            if not isinstance(getattr(self, name), Integral):
+                raise _bad_kind(name, "a whole number", getattr(self, name))
+        for name in ("target_mse", "snap"):
+            if not isinstance(getattr(self, name), Real):
+                raise _bad_kind(name, "a number", getattr(self, name))
         if self.strategy not in ("batch", "paper"):
             raise InputError(
                 f"strategy must be 'batch' or 'paper', not {self.strategy!r}",
@@ -65,3 +72,7 @@ class Options:
         for name in ("max_points", "workers", "regions", "target_bytes"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} must not be negative", code="bad-option", pointer=name)
+
+
+def _bad_kind(name: str, kind: str, value: object) -> InputError:
+    return InputError(f"{name} must be {kind}, not {value!r}", code="bad-option", pointer=name)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.annotations import Annotations
+from gcvec.annotations import Annotations, check_size
 from gcvec.borders.border import borders
 from gcvec.borders.localize import LARGEST_SHIFT, localized
 from gcvec.borders.planar_graph import planar_graph
@@ -69,6 +69,8 @@ def vectorize(
     """
     require_photo(pixels)
     options = options or Options()
+    if annotations is not None:
+        check_size(annotations, pixels.shape[1], pixels.shape[0])
     with workers(options.workers):
         return _vectorized(pixels, annotations, options, on_progress, crew)
 

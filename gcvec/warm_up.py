@@ -14,9 +14,12 @@ _SIDE = 256
 
 
 def warm_up() -> None:
-    """Vectorize a small picture that has a bit of everything, with drawn regions and without."""
+    """Vectorize a small picture that has a bit of everything, with drawn regions and without; write its
+    regions."""
     from gcvec import Annotations, Options, Shape, VectorImage, vectorize
     from gcvec.export import error_map, patch_overlay
+    from gcvec.io import write_cvat_xml
+    from gcvec.regions.segment import segment
 
     started = time.perf_counter()
     pixels = _picture()
@@ -33,6 +36,7 @@ def warm_up() -> None:
         made = vectorize(pixels, regions, Options(max_points=0, target_mse=20, workers=workers))
     result = VectorImage.from_bytes(made.to_bytes())
     result.render(scale=2)
+    write_cvat_xml(segment(pixels), "picture.png")
     error_map(pixels, result)
     patch_overlay(result)
     logger.info("engine ready after %.1f s", time.perf_counter() - started)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcvec.cli._limits import limits
 from gcvec.errors import InputError
 
 if TYPE_CHECKING:
     from gcvec import VectorImage
     from gcvec.io import Picture
+
+STANDARD_STREAM = Path("-")
+"""Stands for stdin among inputs and for stdout among outputs."""
 
 
 @contextmanager
@@ -26,6 +31,15 @@ def about(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error}", code=error.code, pointer=error.pointer) from error
 
 
+def read(path: Path) -> bytes:
+    """What a file holds, or stdin for `STANDARD_STREAM`."""
+    if path != STANDARD_STREAM:
+        return path.read_bytes()
+    if sys.stdin is None:
+        raise OSError(errno.EBADF, "stdin is closed", str(path))
+    return sys.stdin.buffer.read()
+
+
 def load_picture(path: Path, matte: str) -> Picture:
     """The picture in a PNG, JPEG, WebP or TIFF file; its warnings go to stderr.
 
@@ -33,43 +47,86 @@ def load_picture(path: Path, matte: str) -> Picture:
     """
     from gcvec.hex_color import rgb_from_hex
     from gcvec.io import read_picture
+    from gcvec.photo import require_photo
 
-    color = rgb_from_hex(matte, "matte")
+    color, bounds = rgb_from_hex(matte, "matte"), limits()
     with about(path):
-        picture = read_picture(path.read_bytes(), matte=color)
+        picture = read_picture(read(path), limits=bounds, matte=color)
+        require_photo(picture.pixels)
     warn(path, picture.warnings)
     return picture
 
 
-def load_vector_image(path: Path) -> VectorImage:
-    """The vector image in a .gcv file. Raises InputError."""
+def load_vector_image(data: bytes, path: Path) -> VectorImage:
+    """The vector image that a .gcv file holds. Raises InputError."""
     from gcvec import VectorImage
 
     with about(path):
-        return VectorImage.from_bytes(path.read_bytes())
+        return VectorImage.from_bytes(data)
 
 
-def require_folder(*paths: Path | None) -> None:
-    """Refuse output files that no folder could hold, before the work and not after it. Raises InputError."""
-    for path in paths:
-        if path is not None and not path.absolute().parent.is_dir():
-            raise InputError(f"{path}: no such folder: {path.parent}", code="no-folder")
-        if path is not None and path.is_dir():
+def check_files(*, inputs: Sequence[Path | None] = (), outputs: Sequence[Path | None] = ()) -> None:
+    """Refuse output files, before the work and not after it.
+
+    Raises `InputError` for those that no folder could hold, and for one that is an input or another output;
+    PermissionError for those that may not be written.
+    """
+    for paths, stream in ((inputs, "stdin is read"), (outputs, "stdout is written")):
+        if paths.count(STANDARD_STREAM) > 1:
+            raise InputError(f"{STANDARD_STREAM}: {stream} for one file only", code="same-file")
+    taken = [path for path in inputs if path and path != STANDARD_STREAM]
+    for path in outputs:
+        if path is None or path == STANDARD_STREAM:
+            continue
+        folder = path.resolve().parent
+        if not folder.is_dir():
+            raise InputError(f"{path}: no such folder: {folder}", code="no-folder")
+        if path.is_dir():
             raise InputError(f"{path}: is a folder", code="is-a-folder")
+        if any(_is_same(path, other) for other in taken):
+            raise InputError(f"{path}: would be written over another file of this command", code="same-file")
+        if not _may_be_written(path):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        taken.append(path)
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all. An OSError names the file, not what it is made of."""
+    """Write a file, whole or not at all where it can be replaced; or stdout for `STANDARD_STREAM`.
+
+    An OSError names the file, not what it is made of.
+    """
     try:
-        _write(path, data)
+        if path == STANDARD_STREAM:
+            _write_to_stdout(data)
+        else:
+            _write(path, data)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
+def _write_to_stdout(data: bytes) -> None:
+    if sys.stdout is None:
+        raise OSError(errno.EBADF, "stdout is closed")
+    # Through no buffer of Python's own, which would be written again, and fail again, when the process ends.
+    with open(sys.stdout.fileno(), "wb", closefd=False) as stream:
+        stream.write(data)
+
+
 def _write(path: Path, data: bytes) -> None:
-    with tempfile.NamedTemporaryFile(
-        dir=path.absolute().parent, prefix=f".{path.name}.", delete=False
-    ) as file:
+    if _is_special(path):
+        path.write_bytes(data)
+        return
+    target = path.resolve()  # what a link leads to is replaced, not the link
+    try:
+        _replace(target, data)
+    except PermissionError:
+        if not target.exists():
+            raise
+        target.write_bytes(data)  # its folder is closed to us; the file itself may be open
+
+
+def _replace(path: Path, data: bytes) -> None:
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
         try:
             file.write(data)
             file.close()
@@ -78,6 +135,24 @@ def _write(path: Path, data: bytes) -> None:
         except BaseException:
             os.unlink(file.name)
             raise
+
+
+def _is_special(path: Path) -> bool:
+    """Whether this is a device or a pipe: one writes into it, and must never put a file in its place."""
+    return path.exists() and not path.is_file()
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    """Whether two paths lead to the same file, there or yet to be written."""
+    if path.exists() and other.exists():
+        return path.samefile(other) and not _is_special(path)
+    return path.resolve() == other.resolve()
+
+
+def _may_be_written(path: Path) -> bool:
+    """Whether a file may be written itself, or be replaced by another in its folder."""
+    folder_will_do = not _is_special(path) and os.access(path.resolve().parent, os.W_OK)
+    return folder_will_do or os.access(path, os.W_OK)
 
 
 def warn(path: Path, warnings: Iterable[str]) -> None:

@@ -13,9 +13,37 @@ from gcvec.options import Options
 Function = Callable[..., Any]
 
 EXISTING_FILE = click.Path(exists=True, dir_okay=False, readable=True, path_type=Path)
-NEW_FILE = click.Path(path_type=Path)
+INPUT_FILE = click.Path(exists=True, dir_okay=False, readable=True, allow_dash=True, path_type=Path)
+"""An existing file, or - for stdin."""
+
+OUTPUT_FILE = click.Path(allow_dash=True, path_type=Path)
+"""A file to be written, or - for stdout."""
+
+OTHER_FORMATS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".svg", ".pdf", ".glb", ".json")
+"""Endings that promise a picture or a document, which a vector image is not."""
+
+
+def _named_as_vector_image(_context: click.Context, _parameter: click.Parameter, path: Path) -> Path:
+    if path.suffix.lower() in OTHER_FORMATS:
+        raise click.BadParameter(
+            f"{path}: a vector image is written, which ends in .gcv (gcvec render makes a {path.suffix})"
+        )
+    return path
+
 
 picture_argument = click.argument("image", type=EXISTING_FILE, help="A PNG, JPEG, WebP or TIFF picture.")
+picture_or_stdin_argument = click.argument(
+    "image", type=INPUT_FILE, help="A PNG, JPEG, WebP or TIFF picture; - for stdin."
+)
+vector_image_output_option = click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=OUTPUT_FILE,
+    callback=_named_as_vector_image,
+    metavar="OUT.gcv",
+    help="Where the vector image goes; - for stdout.",
+)
 matte_option = click.option(
     "--matte",
     default="#ffffff",

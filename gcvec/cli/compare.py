@@ -7,25 +7,27 @@ from pathlib import Path
 
 import click
 
-from gcvec.cli._files import about, load_picture, load_vector_image
-from gcvec.cli._options import EXISTING_FILE, matte_option
+from gcvec.cli._files import about, check_files, load_picture, load_vector_image, read
+from gcvec.cli._options import INPUT_FILE, matte_option, picture_or_stdin_argument
 
 MEASURES = ("mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes", "foldovers")
 
 
 @click.command()
-@click.argument("image", type=EXISTING_FILE, help="The photo.")
-@click.argument("vector_image", type=EXISTING_FILE, metavar="OUT.gcv", help="A vector image.")
+@picture_or_stdin_argument
+@click.argument("vector_image", type=INPUT_FILE, metavar="OUT.gcv", help="A vector image; - for stdin.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @matte_option
 def compare(image: Path, vector_image: Path, as_json: bool, matte: str) -> None:
     """Measure a vector image against its photo."""
     from gcvec.metrics import compare
 
+    check_files(inputs=(image, vector_image))
     picture = load_picture(image, matte)
-    vector = load_vector_image(vector_image)
+    data = read(vector_image)
+    vector = load_vector_image(data, vector_image)
     with about(vector_image):
-        measured = compare(picture.pixels, vector, vector_image.stat().st_size).as_dict()
+        measured = compare(picture.pixels, vector, len(data)).as_dict()
     measures = {name: measured[name] for name in MEASURES}
     if as_json:
         print(json.dumps(measures))

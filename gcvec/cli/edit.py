@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import about, load_vector_image, require_folder, warn, write
-from gcvec.cli._options import EXISTING_FILE, NEW_FILE
+from gcvec.cli._files import about, check_files, load_vector_image, read, warn, write
+from gcvec.cli._options import INPUT_FILE, vector_image_output_option
 
 if TYPE_CHECKING:
     from gcvec.edit import Move, Recolor
@@ -20,10 +20,8 @@ RECOLOR = re.compile(r"(\d+):#([0-9a-fA-F]{6})")
 
 
 @click.command()
-@click.argument("vector_image", type=EXISTING_FILE, metavar="IN.gcv", help="A vector image.")
-@click.option(
-    "-o", "--output", required=True, type=NEW_FILE, metavar="OUT.gcv", help="Where the result goes."
-)
+@click.argument("vector_image", type=INPUT_FILE, metavar="IN.gcv", help="A vector image; - for stdin.")
+@vector_image_output_option
 @click.option(
     "--move",
     multiple=True,
@@ -38,12 +36,12 @@ RECOLOR = re.compile(r"(\d+):#([0-9a-fA-F]{6})")
 )
 def edit(vector_image: Path, output: Path, move: tuple[str, ...], recolor: tuple[str, ...]) -> None:
     """Move control points of boundary curves and recolour patches. Nothing is fitted again."""
-    require_folder(output)
+    check_files(outputs=(output,))  # which may be the input too
     moves = [_move(text) for text in move]
     recolors = [_recolor(text) for text in recolor]
     if not moves and not recolors:
         raise click.BadParameter("nothing to do: give --move or --recolor")
-    image = load_vector_image(vector_image)
+    image = load_vector_image(read(vector_image), vector_image)
 
     from gcvec.edit import edit
 

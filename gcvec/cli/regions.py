@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import about, load_picture, require_folder, write
-from gcvec.cli._options import NEW_FILE, matte_option, picture_argument
+from gcvec.cli._files import about, check_files, load_picture, write
+from gcvec.cli._limits import limits
+from gcvec.cli._options import OUTPUT_FILE, matte_option, picture_or_stdin_argument
 
 if TYPE_CHECKING:
+    from gcvec.io import Limits
     from gcvec.regions.partition import Partition
 
 
 @click.command()
-@picture_argument
+@picture_or_stdin_argument
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=NEW_FILE,
+    type=OUTPUT_FILE,
     metavar="REGIONS",
     help="Its ending says what is written: .xml (CVAT for images 1.1) or .json (COCO 1.0).",
 )
@@ -31,39 +33,39 @@ if TYPE_CHECKING:
     type=click.IntRange(min=0),
     default=0,
     metavar="N",
-    help="How many regions; 0: as many as pay for themselves, 2000 at most.",
+    help="How many regions; 0: as many as pay for themselves, $GCVEC_MAX_POLYGONS (2000) at most.",
 )
 @matte_option
 def regions(image: Path, output: Path, count: int, matte: str) -> None:
     """Divide a photo into regions along its edges, to correct by hand and pass to vectorize -a."""
-    require_folder(output)
+    check_files(inputs=(image,), outputs=(output,))
     document = DOCUMENTS.get(output.suffix.lower())
     if document is None:
         known = ", ".join(DOCUMENTS)
         raise click.BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
     picture = load_picture(image, matte)
 
-    from gcvec.io import DEFAULT_LIMITS
     from gcvec.regions.segment import segment
 
-    found, most = segment(picture.pixels, count), DEFAULT_LIMITS.max_polygons
-    if not count and len(found.names) > most:
-        found = segment(picture.pixels, most)
+    bounds = limits()
+    found = segment(picture.pixels, count)
+    if not count and len(found.names) > bounds.max_polygons:
+        found = segment(picture.pixels, bounds.max_polygons)
     with about(output):
-        content = document(found, image.name)
+        content = document(found, image.name, bounds)
     write(output, content)
 
 
-def _cvat(partition: Partition, image_name: str) -> bytes:
-    from gcvec.io import DEFAULT_LIMITS, write_cvat_xml
+def _cvat(partition: Partition, image_name: str, bounds: Limits) -> bytes:
+    from gcvec.io import write_cvat_xml
 
-    return write_cvat_xml(partition, image_name, DEFAULT_LIMITS)
-
-
-def _coco(partition: Partition, image_name: str) -> bytes:
-    from gcvec.io import DEFAULT_LIMITS, write_coco
-
-    return write_coco(partition, image_name, DEFAULT_LIMITS)
+    return write_cvat_xml(partition, image_name, bounds)
 
 
-DOCUMENTS: dict[str, Callable[[Partition, str], bytes]] = {".xml": _cvat, ".json": _coco}
+def _coco(partition: Partition, image_name: str, bounds: Limits) -> bytes:
+    from gcvec.io import write_coco
+
+    return write_coco(partition, image_name, bounds)
+
+
+DOCUMENTS: dict[str, Callable[[Partition, str, Limits], bytes]] = {".xml": _cvat, ".json": _coco}

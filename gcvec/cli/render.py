@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import load_vector_image, require_folder, write
-from gcvec.cli._options import EXISTING_FILE, NEW_FILE
+from gcvec.cli._files import check_files, load_vector_image, read, write
+from gcvec.cli._options import INPUT_FILE, OUTPUT_FILE
 
 if TYPE_CHECKING:
     from gcvec import VectorImage
@@ -20,12 +20,12 @@ MAX_PIXELS = 2**28
 
 
 @click.command()
-@click.argument("vector_image", type=EXISTING_FILE, metavar="OUT.gcv", help="A vector image.")
+@click.argument("vector_image", type=INPUT_FILE, metavar="OUT.gcv", help="A vector image; - for stdin.")
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=NEW_FILE,
+    type=OUTPUT_FILE,
     metavar="PICTURE",
     help="Its ending says what is written: .png, .svg, .pdf, .glb, .json.",
 )
@@ -35,7 +35,7 @@ MAX_PIXELS = 2**28
 )
 def render(vector_image: Path, output: Path, scale: float, raw: bool) -> None:
     """Draw a vector image at any scale, or write it in another format."""
-    require_folder(output)
+    check_files(inputs=(vector_image,), outputs=(output,))
     ending = output.suffix.lower()
     if ending not in DOCUMENTS and ending != ".png":
         known = ", ".join((".png", *DOCUMENTS))
@@ -44,7 +44,7 @@ def render(vector_image: Path, output: Path, scale: float, raw: bool) -> None:
         raise click.BadParameter(f"must be above 0, not {scale:g}", param_hint="'--scale'")
     if ending in DOCUMENTS and (raw or scale != 1):
         raise click.BadParameter(f"{output}: --scale and --raw are for PNG", param_hint="'-o'")
-    image = load_vector_image(vector_image)
+    image = load_vector_image(read(vector_image), vector_image)
     write(output, DOCUMENTS[ending](image) if ending in DOCUMENTS else _png(image, scale, raw))
 
 

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
-from gcvec.cli._files import about, load_picture, require_folder, warn, write
+from gcvec.cli._files import STANDARD_STREAM, about, check_files, load_picture, read, warn, write
+from gcvec.cli._limits import limits
 from gcvec.cli._options import (
-    EXISTING_FILE,
-    NEW_FILE,
+    INPUT_FILE,
+    OUTPUT_FILE,
     matte_option,
-    picture_argument,
+    picture_or_stdin_argument,
+    vector_image_output_option,
     vectorization_options,
 )
 from gcvec.cli._progress import progress_bar, quick_interrupt
@@ -21,19 +24,23 @@ from gcvec.options import Options
 
 if TYPE_CHECKING:
     from gcvec import Annotations
-    from gcvec.io import Picture
+
+
+def _ends_in_png(_context: click.Context, _parameter: click.Parameter, path: Path | None) -> Path | None:
+    if path and path != STANDARD_STREAM and path.suffix.lower() != ".png":
+        raise click.BadParameter(f"{path}: the ending must be .png")
+    return path
 
 
 @click.command()
-@picture_argument
-@click.option(
-    "-o", "--output", required=True, type=NEW_FILE, metavar="OUT.gcv", help="Where the result goes."
-)
+@picture_or_stdin_argument
+@vector_image_output_option
 @click.option(
     "-a",
     "--annotations",
-    type=EXISTING_FILE,
-    help="Regions: CVAT for images 1.1 or COCO 1.0. Without it the regions are found automatically.",
+    type=INPUT_FILE,
+    help="Regions: CVAT for images 1.1 or COCO 1.0; - for stdin. "
+    "Without it the regions are found automatically.",
 )
 @click.option(
     "--image-name",
@@ -43,8 +50,19 @@ if TYPE_CHECKING:
 @vectorization_options
 @matte_option
 @click.option("--workers", type=int, default=Options.workers, help="Threads; 0: one a core.")
-@click.option("--report", type=NEW_FILE, metavar="R.json", help="Write errors, counts and times here.")
-@click.option("--preview", type=NEW_FILE, metavar="P.png", help="Write the vector image, rendered, here.")
+@click.option(
+    "--report",
+    type=OUTPUT_FILE,
+    metavar="R.json",
+    help="Write errors, counts, times and warnings here; - for stdout.",
+)
+@click.option(
+    "--preview",
+    type=OUTPUT_FILE,
+    callback=_ends_in_png,
+    metavar="P.png",
+    help="Write the vector image, rendered, here; - for stdout.",
+)
 def vectorize(
     image: Path,
     output: Path,
@@ -59,9 +77,11 @@ def vectorize(
     if image_name and not annotations:
         raise click.BadParameter("needs --annotations", param_hint="'--image-name'")
     options = Options(**settings)
-    require_folder(output, report, preview)
+    check_files(inputs=(image, annotations), outputs=(output, report, preview))
+    ignored = _ignored_options(options, annotations)
+    warn(image, ignored)
     picture = load_picture(image, matte)
-    annotated = _load_regions(annotations, image_name, image.name, picture) if annotations else None
+    annotated = _load_regions(annotations, image_name, image.name) if annotations else None
 
     from gcvec import vectorize
 
@@ -70,18 +90,34 @@ def vectorize(
     warn(annotations or image, result.warnings)
     write(output, result.to_bytes())
     if report and result.report:
-        write(report, json.dumps(result.report.as_dict(), indent=2).encode() + b"\n")
+        warnings = [*ignored, *picture.warnings, *result.warnings]
+        content = {**result.report.as_dict(), "warnings": warnings}
+        write(report, json.dumps(content, indent=2).encode() + b"\n")
     if preview:
         from gcvec.export.png import png
 
         write(preview, png(result.picture))
 
 
-def _load_regions(path: Path, image_name: str | None, picture_name: str, picture: Picture) -> Annotations:
-    from gcvec.io import check_size, read_annotations
+def _ignored_options(options: Options, annotations: Path | None) -> list[str]:
+    """What was asked for and has no effect beside the rest, one line each."""
+    source_of = click.get_current_context().get_parameter_source
+    reasons = (
+        ("regions", annotations is not None, "the annotations say what the regions are"),
+        ("snap", annotations is None, "there are no annotations"),
+        ("target_mse", options.target_bytes > 0, "--target-bytes decides"),
+        ("effort", options.strategy == "paper", "it is for the strategy batch"),
+    )
+    return [
+        f"--{name.replace('_', '-')} has no effect: {why}"
+        for name, is_ignored, why in reasons
+        if is_ignored and source_of(name) is ParameterSource.COMMANDLINE
+    ]
 
+
+def _load_regions(path: Path, image_name: str | None, picture_name: str) -> Annotations:
+    from gcvec.io import read_annotations
+
+    bounds = limits()
     with about(path):
-        annotations = read_annotations(path.read_bytes(), image_name=image_name, picture_name=picture_name)
-        height, width = picture.pixels.shape[:2]
-        check_size(annotations, width, height)
-    return annotations
+        return read_annotations(read(path), image_name=image_name, picture_name=picture_name, limits=bounds)

@@ -3,7 +3,8 @@
 Light to import: Pillow, numpy and defusedxml, never the solver.
 """
 
-from gcvec.io.annotations import check_size, read_annotations
+from gcvec.annotations import check_size
+from gcvec.io.annotations import read_annotations
 from gcvec.io.limits import DEFAULT_LIMITS, Limits
 from gcvec.io.picture import Picture, PictureHeader, probe_picture, read_picture
 from gcvec.io.write_coco import write_coco

@@ -50,19 +50,6 @@ def read_annotations(
     )
 
 
-def check_size(annotations: Annotations, width: int, height: int) -> None:
-    """Raise `InputError` when the annotations were drawn on a picture of another size, or hold no region."""
-    stated = annotations.width, annotations.height
-    if stated not in ((0, 0), (width, height)):
-        raise InputError(
-            f"the annotations are for a picture of {stated[0]} x {stated[1]} pixels, "
-            f"this one has {width} x {height}",
-            code="size-mismatch",
-        )
-    if not annotations.shapes:
-        raise InputError("the annotations hold no region for this picture", code="no-usable-polygon")
-
-
 def _unzipped(data: bytes, limits: Limits) -> bytes:
     """The one annotation document of a zip archive; nothing is written to disk."""
     if data.count(_ENTRY_SIGNATURE) > _MAX_ZIP_ENTRIES:

@@ -32,8 +32,9 @@ def read_coco(
     document = _parse(data)
     images = _objects(document, "images")
     names = [str(image.get("file_name", "")) for image in images]
-    image = images[select_image(names, image_name, picture_name)]
-    width, height = (_side(image.get(key, 0), limits, "images") for key in ("width", "height"))
+    chosen = select_image(names, image_name, picture_name)
+    image, place = images[chosen], f"images[{chosen}]"
+    width, height = (_side(image.get(key, 0), limits, place) for key in ("width", "height"))
     labels = {str(c.get("id")): str(c.get("name", c.get("id"))) for c in _objects(document, "categories")}
 
     reader = _ShapeReader(width, height, limits)
@@ -75,6 +76,9 @@ def _objects(document: _Json, key: str) -> list[_Json]:
 
 
 def _side(value: object, limits: Limits, pointer: str) -> int:
+    """A width or height; 200.0 is one too, as programs that know only floats write it."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
     if not isinstance(value, int) or not 0 <= value <= limits.max_side:
         raise broken(f"{value!r} is not a width or height of 0 to {limits.max_side} pixels", pointer)
     return value

@@ -164,8 +164,12 @@ def _shape(element: _Element, account: Account) -> Shape:
 
 
 def _polygon(attributes: Mapping[str, str], pointer: str, account: Account) -> Ring:
-    """`points="x,y;x,y;…"`"""
-    text = attributes.get("points", "").strip().strip(";")
+    """`points="x,y;x,y;…"`; `points=""` is a polygon that covers nothing, as other small ones do."""
+    if "points" not in attributes:
+        raise broken("'points' is missing", pointer)
+    text = attributes["points"].strip(" ;")
+    if not text:
+        return ring_from([], pointer)
     account.add_vertices(text.count(";") + 1, pointer)
     pairs = [pair.split(",") for pair in text.split(";")]
     if any(len(pair) != 2 for pair in pairs):

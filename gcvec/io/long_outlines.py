@@ -16,13 +16,13 @@ def to_be_masked(found: Sequence[Outline], limits: Limits) -> NDArray[np.bool_]:
     """`(n,) bool`: those whose outline has too many vertices, and then as many as it takes for the rest to
     have no more together than all polygons may.
 
-    An outline along pixel edges turns at every step of a staircase, so those of large pictures grow long.
     Raises `InputError` ("annotations-too-large") for too many regions, or for masks of too many pixels.
     """
     if len(found) > limits.max_polygons:
         raise _too_large(f"{len(found)} regions, at most {limits.max_polygons} can be read again")
     vertices = np.array([len(outline.ring) for outline in found])
-    pixels = np.array([np.prod(np.ptp(outline.ring, axis=0)) for outline in found])
+    boxes = np.array([outline.box for outline in found])
+    pixels = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
     masked: NDArray[np.bool_] = vertices > limits.max_vertices_per_polygon
     left = vertices[~masked].sum()
     for region in np.argsort(pixels / vertices, kind="stable"):

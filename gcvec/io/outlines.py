@@ -7,20 +7,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_WEST = 2
-_START = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-"""Where the crack of each direction - east, south, west, north - starts, seen from the pixel at its right:
-they are the pixel's four sides, clockwise."""
+from gcvec.borders.planar_graph import OUTSIDE, Arc, planar_graph
+from gcvec.io.straightening import straightened
+
+Loop = tuple[tuple[int, bool], ...]
+"""Arcs, by their number, and whether each is walked forward."""
 
 
 class Outline(NamedTuple):
-    """The outer border of a region along pixel edges.
+    """The outer border of a region.
 
-    `ring` is `(n, 2) int64`: the pixel corners where it turns, clockwise on the screen. What the region
-    surrounds lies inside `ring` too; `depth` is the number of regions that surround the region itself.
+    `ring` is `(n, 2) float64`, clockwise on the screen: a polygon that holds the centres of just those pixels
+    that belong to the region or to what it surrounds. Neighbours have the vertices between them in common.
+    `box` is left, top, right and bottom of these pixels; `depth` is the number of regions that surround the
+    region itself.
     """
 
-    ring: NDArray[np.int64]
+    ring: NDArray[np.float64]
+    box: tuple[int, int, int, int]
     depth: int
 
 
@@ -30,67 +34,37 @@ def outlines(labels: NDArray[np.int32]) -> list[Outline]:
     Filled in that order, or by depth, the outlines give the label map again: what surrounds a region has its
     first pixel above the region's own, so it comes before it.
     """
-    cracks = _Cracks(labels)
+    graph = planar_graph(labels)
+    lines = [straightened(arc.points) for arc in graph.arcs]
+    areas = [_area(arc.points) for arc in graph.arcs]
+    outer: list[Loop] = []
+    surrounding: set[tuple[int, int]] = set()
+    for region, loops in enumerate(graph.loops):
+        for loop in loops:
+            if sum(areas[arc] if forward else -areas[arc] for arc, forward in loop) > 0:
+                outer.append(loop)
+            else:
+                surrounding.update((region, _beyond(graph.arcs[arc], forward)) for arc, forward in loop)
+
     found: list[Outline] = []
-    for first in np.unique(labels, return_index=True)[1].tolist():
+    for region, first in enumerate(np.unique(labels, return_index=True)[1].tolist()):
         y, x = divmod(first, labels.shape[1])
-        depth = 0
-        if y > 0:
-            surrounded = not cracks.is_outer_below(x, y - 1)
-            depth = found[labels[y - 1, x]].depth + surrounded
-        found.append(Outline(cracks.outer_ring(x, y), depth))
+        above = int(labels[y - 1, x]) if y else OUTSIDE
+        depth = 0 if above == OUTSIDE else found[above].depth + ((above, region) in surrounding)
+        corners = np.concatenate([graph.arcs[arc].points for arc, _ in outer[region]])
+        (left, top), (right, bottom) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+        sides = [lines[arc] if forward else lines[arc][::-1] for arc, forward in outer[region]]
+        ring = np.concatenate([side[:-1] for side in sides])
+        found.append(Outline(ring, (left, top, right, bottom), depth))
     return found
 
 
-class _Cracks:
-    """The pixel edges between different regions, once a side, directed to have the pixel at the right."""
+def _area(points: NDArray[np.int32]) -> int:
+    """Twice the area that the way along the points sweeps, seen from the origin; positive if clockwise."""
+    x, y = points.T.astype(np.int64)
+    return int((x[:-1] * y[1:] - x[1:] * y[:-1]).sum())
 
-    def __init__(self, labels: NDArray[np.int32]) -> None:
-        padded = np.pad(labels, 1, constant_values=-1)
-        self._width = padded.shape[1]
-        self._size = padded.size
-        flat = padded.ravel()
-        inside = np.flatnonzero(flat >= 0)
-        steps = (1, self._width, -1, -self._width)
-        ids, following = [], []
-        for direction in range(4):
-            ahead, left = steps[direction], steps[direction - 1]
-            pixel = inside[flat[inside] != flat[inside + left]]
-            blocked = flat[pixel + ahead] != flat[pixel]
-            straight = flat[pixel + ahead + left] != flat[pixel]
-            ids.append(direction * self._size + pixel)
-            following.append(
-                np.where(
-                    blocked,
-                    (direction + 1) % 4 * self._size + pixel,
-                    np.where(
-                        straight,
-                        direction * self._size + pixel + ahead,
-                        (direction + 3) % 4 * self._size + pixel + ahead + left,
-                    ),
-                )
-            )
-        self._ids = np.concatenate(ids)
-        self._next = np.searchsorted(self._ids, np.concatenate(following)).tolist()
-        self._outer = np.zeros(len(self._ids), dtype=np.bool_)
 
-    def outer_ring(self, x: int, y: int) -> NDArray[np.int64]:
-        """The ring that starts at the top side of a region's first pixel."""
-        start = crack = self._index(0, x, y)
-        walk = [start]
-        while (crack := self._next[crack]) != start:
-            walk.append(crack)
-        self._outer[walk] = True
-        direction, pixel = np.divmod(self._ids[walk], self._size)
-        turns = direction != np.roll(direction, 1)
-        row, column = np.divmod(pixel[turns], self._width)
-        corners: NDArray[np.int64] = np.column_stack([column - 1, row - 1]) + _START[direction[turns]]
-        return corners
-
-    def is_outer_below(self, x: int, y: int) -> bool:
-        """Whether the lower side of the pixel belongs to a ring already walked."""
-        return bool(self._outer[self._index(_WEST, x, y)])
-
-    def _index(self, direction: int, x: int, y: int) -> int:
-        crack = direction * self._size + (y + 1) * self._width + x + 1
-        return int(np.searchsorted(self._ids, crack))
+def _beyond(arc: Arc, forward: bool) -> int:
+    """The region at the other side, for the one that has the arc in a loop in this direction."""
+    return arc.left if forward else arc.right

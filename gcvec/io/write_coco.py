@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def write_coco(partition: Partition, image_name: str, limits: Limits = DEFAULT_LIMITS) -> bytes:
-    """One annotation with one polygon a region, along pixel edges, or with a run-length mask where the
-    polygon would be beyond `limits`.
+    """One annotation with one polygon a region, or with a run-length mask where the polygon would be beyond
+    `limits`.
 
     The polygons have no holes; annotations come in painter's order, so a region that lies inside another
     comes later. Read back and partitioned, the document gives the same label map, provided no region is a
@@ -49,7 +49,7 @@ def write_coco(partition: Partition, image_name: str, limits: Limits = DEFAULT_L
     return checked(json.dumps(document, separators=(",", ":")).encode() + b"\n", limits)
 
 
-def _polygon(outline: Outline) -> list[list[int]]:
+def _polygon(outline: Outline) -> list[list[float]]:
     return [outline.ring.ravel().tolist()]
 
 
@@ -59,6 +59,5 @@ def _mask(labels: NDArray[np.int32], region: int) -> dict[str, Any]:
 
 
 def _box(outline: Outline) -> list[int]:
-    left, top = outline.ring.min(axis=0).tolist()
-    right, bottom = outline.ring.max(axis=0).tolist()
+    left, top, right, bottom = outline.box
     return [left, top, right - left, bottom - top]

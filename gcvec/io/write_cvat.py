@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def write_cvat_xml(partition: Partition, image_name: str, limits: Limits = DEFAULT_LIMITS) -> bytes:
-    """One polygon a region along pixel edges, or a mask where the polygon would be beyond `limits`.
+    """One polygon a region, or a mask where the polygon would be beyond `limits`.
 
     CVAT's polygons have no holes, so a region that lies inside others has a higher `z_order`. Read back and
     partitioned, the document gives the same label map, provided no region is a sliver.
@@ -44,12 +44,12 @@ def write_cvat_xml(partition: Partition, image_name: str, limits: Limits = DEFAU
 
 
 def _polygon(outline: Outline) -> dict[str, str]:
-    return {"points": ";".join(f"{x}.0,{y}.0" for x, y in outline.ring.tolist())}
+    return {"points": ";".join(f"{x:.1f},{y:.1f}" for x, y in outline.ring.tolist())}
 
 
 def _mask(labels: NDArray[np.int32], region: int, outline: Outline) -> dict[str, str]:
     """The region's own pixels, row by row, in the box that holds them."""
-    (left, top), (right, bottom) = outline.ring.min(axis=0).tolist(), outline.ring.max(axis=0).tolist()
+    left, top, right, bottom = outline.box
     runs = runs_of((labels[top:bottom, left:right] == region).ravel())
     box = {"left": left, "top": top, "width": right - left, "height": bottom - top}
     return {"rle": ", ".join(map(str, runs)), **{name: str(value) for name, value in box.items()}}

@@ -50,16 +50,14 @@ def partition(annotations: Annotations, width: int, height: int) -> Partition:
     owners = _painted(shapes, width, height, notes)
     painted = _present(owners)
     if not painted:
-        raise InputError("no shape covers a pixel of the picture", code="no-usable-polygon")
+        raise _unusable("no shape covers a pixel of the picture", notes)
     close_gaps(owners)
     owners[owners == UNCOVERED] = len(shapes)
     owners = absorb_slivers(owners)
     seen = _present(owners) - {len(shapes)}
     notes.add(f"dropped: under {SLIVER_AREA} px² of it can be seen", painted - seen)
     if not seen:
-        raise InputError(
-            f"no shape covers {SLIVER_AREA} px² or more of the picture", code="no-usable-polygon"
-        )
+        raise _unusable(f"no shape covers {SLIVER_AREA} px² or more of the picture", notes)
     labels = connected_components(owners)
     names = [*(plain_label(shape.label) for shape in shapes), BACKGROUND]
     return Partition(
@@ -86,6 +84,10 @@ class _Notes:
         shown = "; ".join(self._pointers[i] for i in indices[:_POINTERS_SHOWN])
         more = "; …" if len(indices) > _POINTERS_SHOWN else ""
         return f"{len(indices)} shape{'s' if len(indices) > 1 else ''} {what} ({shown}{more})"
+
+
+def _unusable(what: str, notes: _Notes) -> InputError:
+    return InputError("; ".join([what, *notes.lines()]), code="no-usable-polygon")
 
 
 def _painted(shapes: list[Shape], width: int, height: int, notes: _Notes) -> NDArray[np.int32]:

@@ -111,11 +111,13 @@ def test_render_png(folder: Path, tmp_path: Path, scale: str, size: tuple[int, i
 
 @pytest.mark.usefixtures("vectorized")
 def test_a_small_picture_does_not_wait_for_what_it_does_not_need(folder: Path, tmp_path: Path) -> None:
+    slow = {"scipy.linalg", "scipy.ndimage", "scipy.special", "numpy.testing", "numpy.f2py"}
+    slow |= {"numba", "pydantic", "skimage"}
     for regions in ((), ("-a", folder / "photo.xml")):
         loaded = loaded_by("vectorize", folder / "photo.png", *regions, "-o", tmp_path / "a.gcv")
         assert {"numpy", "scipy.sparse", "gcvec.refinement.batch"} <= loaded
-        slow = {"scipy.linalg", "scipy.ndimage", "scipy.special", "numpy.testing", "numpy.f2py"}
-        assert not loaded & (slow | {"numba", "pydantic", "skimage"})
+        assert not loaded & slow
+    assert not loaded_by("regions", folder / "photo.png", "-o", tmp_path / "a.xml") & slow
 
 
 def test_raw_samples_pixel_centres(folder: Path, tmp_path: Path) -> None:
@@ -193,8 +195,12 @@ def test_bad_pictures(folder: Path, tmp_path: Path) -> None:
         ("", "photo.xml"),
         (annotations(width=640, height=480), "640 x 480"),
         ('<annotations><image id="0" name="photo.png" width="64" height="48"/></annotations>', "photo.xml"),
+        (
+            annotations().replace("<polygon", "<polyline").replace("</polygon", "</polyline"),
+            "2 <polyline> left out: encloses no region",
+        ),
     ],
-    ids=["broken", "empty", "size", "no-region"],
+    ids=["broken", "empty", "size", "no-region", "no-region-for-a-reason"],
 )
 def test_bad_annotations(folder: Path, tmp_path: Path, content: str, cause: str) -> None:
     xml = tmp_path / "photo.xml"
@@ -236,6 +242,54 @@ def test_what_cannot_be_written_is_named(folder: Path) -> None:
 def test_vectorize_refuses(folder: Path, options: tuple[str, ...]) -> None:
     refused(gcvec("vectorize", "photo.png", "-o", "b.gcv", *options, cwd=folder))
     assert not (folder / "b.gcv").exists()
+
+
+def test_the_report_holds_the_warnings(folder: Path, tmp_path: Path) -> None:
+    with Image.open(folder / "photo.png") as photo:
+        photo.putalpha(Image.new("L", photo.size, 200))
+        photo.save(tmp_path / "photo.png")
+    beside = '<polygon label="far" points="900,900;950,900;950,950"/></image>'
+    (tmp_path / "photo.xml").write_text(annotations().replace("</image>", beside))
+    command = ("vectorize", "photo.png", "-a", "photo.xml", "-o", "a.gcv", "--regions", "7")
+    run = gcvec(*command, "--report", "r.json", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    warnings = json.loads((tmp_path / "r.json").read_text())["warnings"]
+    told = [line.split(": ", maxsplit=3)[-1] for line in run.stderr.splitlines()]
+    assert warnings == told
+    for part in ("--regions has no effect", "transparent pixels", "outside the picture"):
+        assert any(part in warning for warning in warnings)
+
+
+def test_a_report_without_warnings_says_so(
+    folder: Path, vectorized: subprocess.CompletedProcess[str]
+) -> None:
+    assert vectorized.stderr == ""
+    assert json.loads((folder / "r.json").read_text())["warnings"] == []
+
+
+@pytest.mark.parametrize(
+    ("options", "cause"),
+    [
+        (("-a", "photo.xml", "--regions", "7"), "--regions has no effect: the annotations say"),
+        (("--snap", "1"), "--snap has no effect: there are no annotations"),
+        (
+            ("--target-mse", "9", "--target-bytes", "5000"),
+            "--target-mse has no effect: --target-bytes decides",
+        ),
+        (("--effort", "3", "--strategy", "paper", "--target-mse", "50"), "--effort has no effect: it is for"),
+    ],
+)
+def test_options_without_effect_are_named(
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    cause: str,
+) -> None:
+    monkeypatch.chdir(folder)
+    assert run(["vectorize", "photo.png", "-o", str(tmp_path / "a.gcv"), *options]) == 0
+    assert capsys.readouterr().err.startswith(f"gcvec: warning: photo.png: {cause}")
 
 
 @pytest.mark.usefixtures("vectorized")

@@ -65,7 +65,7 @@ def test_what_is_found_by_itself_can_always_be_read_again(
     most = 40
     assert len(segment(noise).names) > most
     limits = replace(DEFAULT_LIMITS, max_polygons=most)
-    monkeypatch.setattr("gcvec.io.DEFAULT_LIMITS", limits)
+    monkeypatch.setenv("GCVEC_MAX_POLYGONS", str(most))
     for ending in ("xml", "json"):
         output = tmp_path / f"noise.{ending}"
         assert run(["regions", str(tmp_path / "noise.png"), "-o", str(output)]) == 0

@@ -9,6 +9,7 @@ import pytest
 
 from gcvec import InputError, vectorize
 from gcvec.metrics import compare
+from gcvec.photo import require_photo
 from tests.gcvec.scenes import SCENES
 
 NO_PHOTOS = {
@@ -25,6 +26,14 @@ NO_PHOTOS = {
 def test_what_is_no_photo_is_refused(pixels: Any) -> None:
     with pytest.raises(InputError, match=r"\(h, w, 3\) of uint8") as told:
         vectorize(pixels)
+    assert told.value.code == "bad-picture"
+
+
+def test_a_picture_of_more_pixels_than_a_file_can_hold_is_refused() -> None:
+    pixel = np.zeros((1, 1, 3), np.uint8)
+    require_photo(np.broadcast_to(pixel, (8192, 8192, 3)))
+    with pytest.raises(InputError, match="8193 x 8192 pixels, a vector image holds 67108864") as told:
+        vectorize(np.broadcast_to(pixel, (8192, 8193, 3)))
     assert told.value.code == "bad-picture"
 
 

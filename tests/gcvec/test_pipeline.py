@@ -180,8 +180,15 @@ def test_an_exception_in_the_callback_ends_the_run(phase: str) -> None:
 
 def test_annotations_beside_the_picture_are_refused() -> None:
     far = Shape(label="far", rings=(np.array([(900.0, 900), (950, 900), (950, 950)]),))
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"no shape covers a pixel .* dropped: outside the picture"):
         vectorize(noise(), Annotations(shapes=(far,)))
+
+
+def test_annotations_of_a_picture_of_another_size_are_refused() -> None:
+    whole = Shape(label="all", rings=(np.array([(0.0, 0), (40, 0), (40, 30)]),))
+    with pytest.raises(InputError, match="for a picture of 41 x 30 pixels") as refused:
+        vectorize(noise(), Annotations((whole,), 41, 30))
+    assert refused.value.code == "size-mismatch"
 
 
 def test_same_input_same_file() -> None:

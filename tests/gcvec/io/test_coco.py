@@ -130,6 +130,33 @@ def test_broken_annotations_are_refused_with_their_place(annotation: dict[str, A
     assert "annotations[1]" in str(error)
 
 
+@pytest.mark.parametrize("ring", [[], [5, 6], [5, 6, 50, 30]])
+def test_a_polygon_without_area_is_dropped_with_a_warning(ring: list[float]) -> None:
+    found = partition(
+        read_coco(encoded(document({"segmentation": [LEFT]}, {"segmentation": [ring]}))), 60, 40
+    )
+    assert found.warnings == ("1 shape dropped: too small to cover a pixel's centre (annotations[1])",)
+
+
+def test_sizes_may_be_whole_floats() -> None:
+    value = document({"segmentation": [LEFT]}, {"segmentation": {"size": [40.0, 60.0], "counts": [0, 2400]}})
+    value["images"][0].update(width=60.0, height=40.0)
+    annotations = read_coco(encoded(value))
+    assert (annotations.width, annotations.height) == (60, 40)
+    assert annotations.shapes[1].mask is not None
+
+
+@pytest.mark.parametrize("width", [60.5, "60", None, -60, 1e9, 16_385])
+def test_a_size_that_is_none_is_refused_with_its_place(width: object) -> None:
+    value = document({"segmentation": [LEFT]})
+    value["images"].append({"id": 8, "file_name": "b.png", "width": width, "height": 40})
+    data = encoded(value)
+    assert read_coco(data, image_name="a.png").width == 60
+    with pytest.raises(InputError, match="is not a width or height of 0 to 16384 pixels") as refused:
+        read_coco(data, image_name="b.png")
+    assert refused.value.pointer == "images[1]"
+
+
 @pytest.mark.parametrize("constant", [b"NaN", b"Infinity", b"-Infinity", b"1e999"])
 def test_numbers_must_be_finite(constant: bytes) -> None:
     data = encoded(document({"segmentation": [LEFT]})).replace(b"20", constant, 1)

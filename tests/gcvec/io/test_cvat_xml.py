@@ -57,6 +57,13 @@ def test_polygons_keep_label_order_z_and_line() -> None:
     assert sky.rings[0].tolist() == [[0, 0], [60.5, 0], [60, 20]]
 
 
+@pytest.mark.parametrize("points", ['points=""', 'points=" ; "', 'points="5,6"', 'points="5,6;50,30"'])
+def test_a_polygon_without_area_is_dropped_with_a_warning(points: str) -> None:
+    good = '<polygon label="it" points="0,0;60,0;60,20"/>'
+    found = partition(read_cvat_xml(document(good, f'<polygon label="none" {points}/>')), 60, 40)
+    assert found.warnings == ("1 shape dropped: too small to cover a pixel's centre (polygon 2, line 7)",)
+
+
 def test_boxes_turn_clockwise_about_their_centre() -> None:
     plain = painted('<box label="it" xtl="10" ytl="10" xbr="30" ybr="20"/>')
     assert plain[10:20, 10:30].all()
@@ -130,7 +137,6 @@ def test_only_the_chosen_image_is_read() -> None:
     "element",
     [
         '<polygon label="x"/>',
-        '<polygon points=""/>',
         '<polygon points="1,2;3"/>',
         '<polygon points="1,2;3,4,5"/>',
         '<polygon points="1,2;3,four"/>',

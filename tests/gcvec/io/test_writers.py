@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -107,7 +108,7 @@ def test_an_outline_holds_the_region_and_what_it_surrounds(owners: Labels) -> No
     labels = regions(owners).labels
     for region, outline in enumerate(outlines(labels)):
         filled = np.zeros_like(labels)
-        fill_ring(filled, outline.ring.astype(float), 1)
+        fill_ring(filled, outline.ring, 1)
         np.testing.assert_array_equal(filled, binary_fill_holes(labels == region, np.ones((3, 3))))
 
 
@@ -128,6 +129,56 @@ def test_depth_counts_the_regions_around() -> None:
 def test_a_ring_has_only_the_corners() -> None:
     (outline,) = outlines(np.zeros((20, 30), dtype=np.int32))
     assert outline.ring.tolist() == [[0, 0], [30, 0], [30, 20], [0, 20]]
+
+
+def test_neighbours_have_the_vertices_between_them_in_common() -> None:
+    """Every side of a polygon lies on the frame or is a side of another, walked the other way."""
+    height, width = 80, 100
+    seeds = np.random.default_rng(3).uniform(0, 80, (15, 2))
+    centres = np.stack(np.mgrid[:height, :width], axis=-1)
+    nearest = np.linalg.norm(centres[:, :, None] - seeds, axis=3).argmin(axis=2)
+    rings = [outline.ring for outline in outlines(connected_components(nearest.astype(np.int32)))]
+    sides = {(*a, *b) for ring in rings for a, b in pairwise([*ring.tolist(), ring[0].tolist()])}
+    for x, y, x1, y1 in sides:
+        on_frame = x == x1 in (0, width) or y == y1 in (0, height)
+        assert on_frame != ((x1, y1, x, y) in sides)
+
+
+@pytest.mark.parametrize(
+    ("run", "rise"), [(1, 1), (2, 1), (3, 1), (7, 1), (5, 1)], ids=lambda value: str(value)
+)
+def test_a_staircase_becomes_a_line(run: int, rise: int) -> None:
+    y, x = np.mgrid[:60, :60]
+    labels = connected_components((x // run * rise >= y).astype(np.int32))
+    for outline in outlines(labels):
+        assert len(outline.ring) <= 8, outline.ring.tolist()
+
+
+def test_right_angles_stay() -> None:
+    labels = np.zeros((40, 50), np.int32)
+    labels[10:25, 15:40] = 1
+    _, inner = outlines(labels)
+    assert inner.ring.tolist() == [[15, 10], [40, 10], [40, 25], [15, 25]]
+    assert inner.box == (15, 10, 40, 25)
+
+
+def test_a_disc_takes_few_vertices_that_stay_within_half_a_pixel() -> None:
+    y, x = np.mgrid[:120, :120]
+    inside = np.hypot(x - 60, y - 58) < 40
+    _, disc = outlines(inside.astype(np.int32))
+    assert 8 < len(disc.ring) < 50
+    rows, columns = np.nonzero(np.diff(inside, axis=1))
+    stairs = np.column_stack([columns + 1, rows + 0.5])
+    along = np.roll(disc.ring, -1, axis=0) - disc.ring
+    to_stairs = stairs[:, None] - disc.ring
+    share = np.clip((to_stairs * along).sum(2) / (along**2).sum(1), 0, 1)
+    distance = np.linalg.norm(to_stairs - share[..., None] * along, axis=2).min(axis=1)
+    assert distance.max() <= 0.5
+
+
+def test_the_regions_of_a_photo_can_be_corrected_by_hand() -> None:
+    found = outlines(segment(skimage.data.chelsea()).labels)
+    assert sum(len(outline.ring) for outline in found) / len(found) < 75
 
 
 def test_coco_states_the_area_without_holes_and_the_box() -> None:
@@ -156,10 +207,12 @@ def test_outlines_beyond_the_limits_come_back_as_masks(
 
 
 def comb(teeth: int) -> Labels:
-    """Two regions whose border is a comb, with four vertices a tooth."""
-    labels = np.zeros((20, 2 * teeth), np.int32)
-    labels[10:] = 1
-    labels[1:10, ::2] = 1
+    """Three regions, the one between with teeth at both sides that cost it four vertices each."""
+    labels = np.zeros((30, 2 * teeth), np.int32)
+    labels[10:20] = 1
+    labels[20:] = 2
+    labels[1:10, 0::4] = labels[1:10, 1::4] = 1
+    labels[20:29, 0::4] = labels[20:29, 1::4] = 1
     return labels
 
 
@@ -174,7 +227,7 @@ def zigzag(vertices: int, side: int) -> Outline:
     """An outline with so many vertices in a square."""
     x = np.arange(vertices) % 2 * side
     y = np.linspace(0, side, vertices).astype(np.int64)
-    return Outline(np.column_stack([x, y]), 0)
+    return Outline(np.column_stack([x, y]).astype(float), (0, 0, side, side), 0)
 
 
 @pytest.mark.parametrize(
