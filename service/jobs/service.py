@@ -138,6 +138,7 @@ async def stream(services: Services, job: Job, after: int) -> AsyncIterator[byte
     """
     snapshot = JobView.of(job).model_dump_json()
     yield format_sse_event(event="snapshot", data_str=snapshot, retry=1000)
+    after = min(after, job.last_event)  # a client may name an event that there has not been
     async with services.changes.watch(job.id, progress=True) as changed:
         while True:
             changed.clear()
@@ -150,8 +151,9 @@ async def stream(services: Services, job: Job, after: int) -> AsyncIterator[byte
             if services.changes.stopping:
                 return
             if not events and not await _wait(changed, _PING_SECONDS):
-                if (await services.jobs.find(job.id))[1] is None:
-                    return  # deleted or expired meanwhile
+                _, now = await services.jobs.find(job.id)
+                if now is None or (now.finished and now.last_event <= after):
+                    return  # deleted or expired meanwhile, or nothing is to come
                 yield format_sse_event(comment="still here")
 
 

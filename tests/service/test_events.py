@@ -6,9 +6,12 @@ import time
 from typing import Any
 
 import httpx
+import pytest
 
+from tests.conftest import client_of
 from tests.service.conftest import Jobs
-from worker.records import claim, finish, report
+from worker.records import claim, finish, record_key, report
+from worker.settings import Settings
 
 
 def parsed(text: str) -> list[dict[str, Any]]:
@@ -71,7 +74,8 @@ def test_a_listener_that_comes_back_gets_what_it_missed(api: httpx.Client, jobs:
     seen = events(api.get(path, headers={"Last-Event-ID": "3"}))
     assert [event.get("id") for event in seen] == [None, "4", "5", "6"]
     assert api.get(path, headers={"Last-Event-ID": "6"}).status_code == 204
-    assert api.get(path, headers={"Last-Event-ID": "x"}).status_code == 422
+    for unlikely in ("x", "-1", "1" + 30 * "0"):
+        assert api.get(path, headers={"Last-Event-ID": unlikely}).status_code == 422
 
 
 def test_a_stream_of_many_events_is_whole(api: httpx.Client, jobs: Jobs) -> None:
@@ -90,3 +94,32 @@ def test_deleting_a_job_ends_its_stream(api: httpx.Client, jobs: Jobs) -> None:
     *_, last = events(api.get(f"/v1/jobs/{job_id}/events"))
     deletion.join()
     assert last["data"]["status"] == "canceled"
+
+
+@pytest.mark.parametrize("ahead", [7, 2**53])
+def test_who_names_an_event_that_is_yet_to_come_gets_the_end_all_the_same(
+    api: httpx.Client, jobs: Jobs, ahead: int
+) -> None:
+    job_id = jobs.submit()
+    jobs.records.run(claim(job_id))
+    jobs.records.run(report(job_id, 1, [iteration(1), iteration(2)]))
+    end = threading.Timer(0.5, lambda: jobs.records.run(finish(job_id, "succeeded", retention=60)))
+    end.start()
+    headers = {"Last-Event-ID": str(ahead)}
+    seen = events(api.get(f"/v1/jobs/{job_id}/events", headers=headers, timeout=5))
+    end.join()
+    assert [event.get("id") for event in seen] == [None, "3"]
+
+
+def test_a_stream_ends_with_its_job_even_if_no_event_says_so(
+    api: httpx.Client, jobs: Jobs, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As when the server of the records was started again without its last second."""
+    monkeypatch.setattr("service.jobs.service._PING_SECONDS", 0.3)
+    job_id = jobs.submit()
+    record = record_key(job_id)
+    end = threading.Timer(0.5, lambda: client_of(settings.broker_url).hset(record, "status", "failed"))
+    end.start()
+    (only,) = events(api.get(f"/v1/jobs/{job_id}/events", timeout=5))
+    end.join()
+    assert only["event"] == "snapshot"
