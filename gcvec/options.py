@@ -12,6 +12,9 @@ MOST_SNAP = 20
 
 MOST_EFFORT = 9
 
+LARGEST_COUNT = 2**31 - 1
+"""Of what is counted: compiled kernels take no larger numbers."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -63,5 +66,9 @@ class Options:
                 pointer="effort",
             )
         for name in ("max_points", "workers", "regions", "target_bytes"):
-            if getattr(self, name) < 0:
-                raise InputError(f"{name} must not be negative", code="bad-option", pointer=name)
+            if not 0 <= getattr(self, name) <= LARGEST_COUNT:
+                raise InputError(
+                    f"{name} must lie between 0 and {LARGEST_COUNT}, not {getattr(self, name)}",
+                    code="bad-option",
+                    pointer=name,
+                )

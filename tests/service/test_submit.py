@@ -82,6 +82,7 @@ def test_unusable_uploads_are_refused(
         ('{"target_mse": NaN}', "/options"),
         ('{"target_mse": 1e999}', "/options/target_mse"),
         ('{"max_points": -1}', "/options/max_points"),
+        ('{"max_points": 9223372036854775808}', "/options/max_points"),
         ('{"snap": -1}', "/options/snap"),
         ('{"effort": 0}', "/options/effort"),
         ('{"max_points": 1.5}', "/options/max_points"),
