@@ -15,7 +15,7 @@ from worker.settings import Settings
 _DATA: Final = "default-src 'none'; frame-ancestors 'none'"
 _DRAWING: Final = f"{_DATA}; img-src data:; style-src 'unsafe-inline'; sandbox"
 _PAGE: Final = (
-    "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; "
+    "default-src 'self'; img-src 'self' blob: data:; "
     "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
 _DOCS: Final = (

@@ -19,12 +19,21 @@ def drawing(jobs: Jobs) -> str:
     return f"/v1/jobs/{job_id}/result.svg"
 
 
-@pytest.mark.parametrize("path", ["/livez", "/v1/jobs", "/v1/jobs/x", "/nothing", "/openapi.json"])
-def test_no_answer_is_guessed_at_framed_or_run(api: httpx.Client, path: str) -> None:
+@pytest.mark.parametrize(
+    ("path", "sources"),
+    [
+        *((path, "'none'") for path in ("/livez", "/v1/jobs", "/v1/jobs/x", "/nothing", "/openapi.json")),
+        *((path, "'self'") for path in ("/", "/v1/jobs/x/view")),
+    ],
+)
+def test_no_answer_is_guessed_at_framed_or_run(api: httpx.Client, path: str, sources: str) -> None:
     headers = api.get(path).headers
     assert headers["x-content-type-options"] == "nosniff"
-    assert headers["content-security-policy"] == "default-src 'none'; frame-ancestors 'none'"
     assert headers["referrer-policy"] == "no-referrer"
+    policy = headers["content-security-policy"]
+    assert {f"default-src {sources}", "frame-ancestors 'none'"} <= set(policy.split("; "))
+    assert "unsafe" not in policy
+    assert "script-src" not in policy
 
 
 def test_a_drawing_opened_by_itself_can_do_nothing(api: httpx.Client, drawing: str) -> None:
@@ -74,6 +83,8 @@ def test_the_client_is_served_file_by_file(api: httpx.Client) -> None:
         assert answer.status_code == 200
         assert answer.headers["content-type"].startswith(media_type)
         assert api.head(path).status_code == 200
-        assert api.get(path, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
+        again = api.get(path, headers={"If-None-Match": answer.headers["etag"]})
+        assert again.status_code == 304
+        assert answer.headers["cache-control"] == again.headers["cache-control"] == "no-cache"
     for path in ("/gcvec", "/gcvec/", "/%2e%2e/app.py", "/gcvec/..%2f..%2fapp.py"):
         assert api.get(path).status_code == 404
