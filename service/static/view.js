@@ -48,16 +48,31 @@ async function watch(job) {
   showProgress(job.progress);
   for await (const { event, data } of eventsOf(job.links.events)) {
     if (event === "snapshot") showProgress(data.progress);
-    if (event === "progress") showProgress(data);
+    if (event !== "progress") continue;
+    if (data.mse !== null) errors.push(data.mse);
+    showProgress(data);
   }
+  clearTimeout(drawing);
   element("progress").hidden = true;
   await show(await callJson(address));
 }
 
-const errors = [];
+const DRAWING_PAUSE = 100; // ms, also where the tab is hidden: its title tells how far the job is
+const CHART_POINTS = 300;
 
+const errors = [];
+let latest = null;
+let drawing = 0;
+
+/** Show how far the job is, soon: on a page just opened all that has happened comes at once. */
 function showProgress(progress) {
-  const { phase = "queued", fraction = 0, mse = null, points = 0, iteration = 0 } = progress ?? {};
+  latest = progress;
+  drawing ||= setTimeout(drawProgress, DRAWING_PAUSE);
+}
+
+function drawProgress() {
+  drawing = 0;
+  const { phase = "queued", fraction = 0, mse = null, points = 0, iteration = 0 } = latest ?? {};
   element("phase").textContent = PHASES[phase] ?? phase;
   element("fraction").value = fraction;
   document.title = `${Math.round(100 * fraction)}% · gcvec`;
@@ -65,8 +80,13 @@ function showProgress(progress) {
   element("mse").textContent = mse.toFixed(mse < 10 ? 2 : 1);
   element("points").textContent = points.toLocaleString();
   element("iteration").textContent = iteration;
-  errors.push(mse);
-  element("errors").setAttribute("d", chartOf(errors));
+  element("errors").setAttribute("d", chartOf(thinned(errors)));
+}
+
+/** Some of the values, evenly spread, the last among them: no more than a chart has room for. */
+function thinned(values) {
+  const step = Math.ceil(values.length / CHART_POINTS);
+  return values.filter((_, k) => k % step === 0 || k === values.length - 1);
 }
 
 /** A falling line, logarithmic in the error. */
