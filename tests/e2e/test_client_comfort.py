@@ -70,9 +70,27 @@ def test_a_download_waits_for_a_file_that_is_being_made(
         page.open(f"{job}/view")
         page.wait_for("window.gcvec")
         page.evaluate(f"window.asked = 0; fetch = ({first})(fetch); 0")
-        page.evaluate("document.querySelector('#downloads a[href$=\".pdf\"]').click()")
+        link = "document.querySelector('#downloads a[href$=\".pdf\"]')"
+        summary = page.evaluate("document.getElementById('summary').textContent")
+        page.evaluate(f"{link}.click()")
+        page.evaluate(f"{link}.click()")
+        assert page.evaluate("document.getElementById('summary').textContent") == "Making the PDF…"
+        assert page.evaluate(f"{link}.ariaBusy") == "true"
         made = httpx.get(f"{job}/result.pdf")
         file = tmp_path / made.headers["content-disposition"].split('"')[1]
         eventually(file.exists, 30)
         eventually(lambda: file.read_bytes() == made.content)
         assert page.evaluate("asked") == 2
+        page.wait_for(f"{link}.ariaBusy === 'false'")
+        assert page.evaluate("document.getElementById('summary').textContent") == summary
+
+
+def test_a_download_that_takes_too_long_is_given_up(browser: Browser, job: str) -> None:
+    busy = "new Response('{}', { status: 409, headers: { 'Retry-After': '1' } })"
+    with browser.page(900, 700) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        page.evaluate(f"fetch = async () => {busy}; 0")
+        page.evaluate("document.querySelector('#downloads a[href$=\".glb\"]').click()")
+        page.evaluate("Date.now = ((real) => () => real() + 120_000)(Date.now); 0")
+        page.wait_for("document.getElementById('summary').textContent.includes('Try again later')")

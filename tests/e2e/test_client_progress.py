@@ -10,6 +10,7 @@ import pytest
 
 from tests.browser import Browser, Page
 from tests.service.conftest import Jobs, api, jobs, settings
+from worker.problems import problem
 from worker.records import claim, finish, report
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
@@ -53,3 +54,43 @@ def test_what_has_happened_so_far_is_soon_drawn(browser: Browser, api: httpx.Cli
         assert falling == sorted(falling)
         assert (falling[0], falling[-1]) == (5, 85)
         assert page.errors == []
+
+
+def failing(method: str, path: str) -> str:
+    """JavaScript that has the next two calls of a method to a path fail: a network's way, then a proxy's."""
+    broken = "away ? Promise.reject(new TypeError('away')) : new Response('<html>', { status: 502 })"
+    ours = f"(more?.method ?? 'GET') === '{method}' && String(url) === '{path}'"
+    step = f"(real) => (url, more) => {ours} && away && away-- ? {broken} : real(url, more)"
+    return f"window.away = 2; window.fetch = ({step})(fetch); 0"
+
+
+def test_an_outage_is_waited_for(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    job_id = begun(jobs, None)
+    with browser.page(900, 700) as page:
+        page.send("Page.addScriptToEvaluateOnNewDocument", source=failing("GET", f"/v1/jobs/{job_id}"))
+        page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+        page.wait_for("document.getElementById('summary').textContent.includes('does not answer')")
+        page.wait_for("!document.getElementById('progress').hidden")
+        assert text(page, "summary") == ""
+        page.evaluate("away = 2")
+        reason = problem("time-limit", "it took 900 s")
+        assert jobs.records.run(finish(job_id, "failed", retention=60, error=reason))
+        page.wait_for("!document.getElementById('problem').hidden")
+        assert page.evaluate("away") == 0
+        assert text(page, "problem-detail") == "it took 900 s"
+
+
+def test_a_cancellation_that_fails_is_said_to(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    job_id = begun(jobs, None)
+    with browser.page(900, 700) as page:
+        page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+        page.wait_for("!document.getElementById('progress').hidden")
+        page.evaluate(failing("DELETE", f"/v1/jobs/{job_id}"))
+        for cause in ("away", "HTTP 502"):
+            page.evaluate("document.getElementById('cancel').click()")
+            page.wait_for(f"document.getElementById('cancel-error').textContent === 'Not canceled: {cause}'")
+            assert page.evaluate("document.getElementById('cancel').disabled") is False
+            assert page.evaluate("document.getElementById('cancel-error').hidden") is False
+        page.evaluate("document.getElementById('cancel').click()")
+        page.wait_for("!document.getElementById('problem').hidden")
+        assert text(page, "problem-title") == "Canceled"
