@@ -167,6 +167,7 @@ function showDetails(job, { image, patches, metrics, seconds, warnings }) {
   }
   const all = [...new Set([...job.warnings, ...warnings])];
   element("warnings").hidden = !all.length;
+  if (all.length) element("details-title").textContent += ` · ${all.length} warning${all.length > 1 ? "s" : ""}`;
   element("warnings").append(...all.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,8 +18,9 @@ pytestmark = [pytest.mark.browser, pytest.mark.service]
 
 @pytest.fixture(scope="module")
 def job(running_service: RunningService) -> str:
-    """The address of a job that has succeeded."""
-    answer = httpx.post(f"{running_service.url}/v1/jobs", files={"image": ("a.png", png())})
+    """The address of a job that has succeeded, with a warning."""
+    form = {"options": json.dumps({"image_name": "in no file of regions"})}
+    answer = httpx.post(f"{running_service.url}/v1/jobs", files={"image": ("a.png", png())}, data=form)
     address = running_service.url + answer.headers["location"]
     while (ended := httpx.get(f"{address}?wait=30", timeout=40).json())["status"] in ("queued", "running"):
         pass
@@ -39,6 +41,14 @@ def test_the_sheets_are_all_on_the_screen_of_a_phone(browser: Browser, job: str,
             assert box["left"] >= 0
             assert box["right"] <= width
             page.evaluate(f"{menu}.open = false")
+
+
+def test_warnings_are_counted_where_they_can_be_looked_at(browser: Browser, job: str) -> None:
+    with browser.page(900, 700) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        title = page.evaluate("document.querySelector('#result-menu summary').textContent")
+        assert title == "Details · 1 warning"
 
 
 def test_the_form_lives_again_when_the_browser_goes_back_to_it(
