@@ -15,6 +15,7 @@ from typing import Any, Final
 import redis
 
 from gcvec.progress import Progress
+from worker import logs
 from worker.keeper import Keeper
 from worker.problems import problem
 from worker.records import EVENTS_KEPT, Call, JobRecords, finish, report
@@ -44,6 +45,9 @@ class Attempt(Keeper):
         self._seconds = seconds
         self._retention = retention
         self._deadline = time.monotonic() + seconds
+        self._outage = logs.Outage(
+            logger, f"job {job_id}: progress waits", f"job {job_id}: progress waits no longer"
+        )
         self._events: deque[Mapping[str, Any]] = deque(maxlen=EVENTS_KEPT)
 
     def __exit__(
@@ -88,8 +92,9 @@ class Attempt(Keeper):
         try:
             ours = self._records.run(call)
         except redis.RedisError as error:
-            logger.warning("job %s: progress waits (%s)", self._job_id, type(error).__name__)
+            self._outage.goes_on(error)
             return False
+        self._outage.is_over()
         if not ours:
             self._stopped.set()
         return bool(ours)

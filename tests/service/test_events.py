@@ -3,13 +3,15 @@ from __future__ import annotations
 import json
 import threading
 import time
-from typing import Any
+from typing import Any, NoReturn
 
 import httpx
 import pytest
+from redis.exceptions import RedisError
 
+from service.jobs.repository import JobRepository
 from tests.conftest import client_of
-from tests.service.conftest import Jobs
+from tests.service.conftest import Jobs, serving
 from worker.records import claim, finish, record_key, report
 from worker.settings import Settings
 
@@ -123,3 +125,24 @@ def test_a_stream_ends_with_its_job_even_if_no_event_says_so(
     (only,) = events(api.get(f"/v1/jobs/{job_id}/events", timeout=5))
     end.join()
     assert only["event"] == "snapshot"
+
+
+def test_an_outage_ends_streams_and_is_told_of_once(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def away(*_: Any) -> NoReturn:
+        raise RedisError
+
+    monkeypatch.setattr("service.jobs.repository._RECONNECT_SECONDS", 0.1)
+    with caplog.at_level("INFO"), serving(settings) as client:
+        job_id = Jobs(client, settings).submit()
+        monkeypatch.setattr(JobRepository, "events", away)
+        (only,) = events(client.get(f"/v1/jobs/{job_id}/events"))
+        assert only["event"] == "snapshot"
+        connections = [entry["id"] for entry in client_of(settings.broker_url).client_list(_type="pubsub")]
+        monkeypatch.setattr("redis.asyncio.client.PubSub.subscribe", away)
+        for connection in connections:
+            client_of(settings.broker_url).client_kill_filter(_id=connection)
+        time.sleep(1)
+    assert len([text for text in caplog.messages if text.startswith("changes are not heard")]) == 1
+    assert not [record for record in caplog.records if record.exc_info]

@@ -113,3 +113,25 @@ def test_an_outage_neither_slows_nor_fails_a_run_and_loses_no_event(
         assert client.xlen(events_key(job_id)) == 0
         line._client = client  # the server is back
         eventually(lambda: client.xlen(events_key(job_id)) == 20)
+
+
+def test_an_outage_is_told_of_when_it_begins_and_when_it_is_over(
+    broker_url: str,
+    records: JobRecords,
+    job_id: str,
+    caplog: pytest.LogCaptureFixture,
+    eventually: Callable[..., None],
+) -> None:
+    line = JobRecords(connect("redis://127.0.0.1:1/0", patient=False))
+    with (
+        caplog.at_level("INFO", "worker.attempt"),
+        Attempt(line, job_id, 1, seconds=60, retention=60) as attempt,
+    ):
+        attempt.on_progress(iteration(1))
+        time.sleep(5 * REPORT_SECONDS)
+        line._client = client_of(broker_url)  # the server is back
+        eventually(lambda: len(caplog.messages) > 1)
+    assert caplog.messages == [
+        f"job {job_id}: progress waits (ConnectionError)",
+        f"job {job_id}: progress waits no longer",
+    ]
