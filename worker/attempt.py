@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -49,6 +50,7 @@ class Attempt(Keeper):
             logger, f"job {job_id}: progress waits", f"job {job_id}: progress waits no longer"
         )
         self._events: deque[Mapping[str, Any]] = deque(maxlen=EVENTS_KEPT)
+        self._changing_events = threading.Lock()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -58,7 +60,8 @@ class Attempt(Keeper):
 
     def on_progress(self, progress: Progress) -> None:
         """Queue an event. Raises StopError if the run must end."""
-        self._events.append(asdict(progress))
+        with self._changing_events:
+            self._events.append(asdict(progress))
         self.check()
 
     def _keep(self) -> None:
@@ -75,11 +78,13 @@ class Attempt(Keeper):
             os.kill(os.getpid(), signal.SIGKILL)
 
     def _send(self) -> None:
-        batch = list(self._events)
-        if not self._tell(report(self._job_id, self._number, batch)):
+        with self._changing_events:
+            batch, self._events = self._events, deque(maxlen=EVENTS_KEPT)
+        if self._tell(report(self._job_id, self._number, batch)):
             return
-        for _ in batch:
-            self._events.popleft()
+        with self._changing_events:
+            batch.extend(self._events)  # the oldest make room where there are too many
+            self._events = batch
 
     def _run_out(self) -> None:
         error = problem("time-limit", f"the job ran longer than {self._seconds:g} s")
