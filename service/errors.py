@@ -11,11 +11,13 @@ from typing import Any, Final
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from fastapi.routing import iter_route_contexts
 from obstore.exceptions import BaseError
 from pydantic import BaseModel
 from redis.exceptions import RedisError
 from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from gcvec.errors import InputError
 from worker.problems import Problem, input_problem, problem
@@ -127,7 +129,8 @@ def install(app: FastAPI) -> None:
             return await _problem(request, error.__cause__)
         code = _CODES.get(error.status_code, "invalid-request")
         found = problem(code, str(error.detail))
-        return answer(Problem(found.type, found.title, error.status_code, found.detail), error.headers)
+        headers = {"Allow": _allowed(request)} if code == "method-not-allowed" else error.headers
+        return answer(Problem(found.type, found.title, error.status_code, found.detail), headers)
 
     @app.exception_handler(RedisError)
     async def _broker(_: Request, error: RedisError) -> JSONResponse:
@@ -168,6 +171,17 @@ def _place(error: Mapping[str, Any], body: object) -> tuple[str, list[int | str]
     if error["type"] == "json_invalid":
         path = []  # it is a position in the text
     return "form" if isinstance(body, FormData) and where == "body" else where, path
+
+
+def _allowed(request: Request) -> str:
+    """The methods of the address, each of which is a route of its own."""
+    methods = {
+        method
+        for context in iter_route_contexts(request.app.routes)
+        if context.original_route.matches(request.scope)[0] is not Match.NONE
+        for method in context.methods or ()
+    }
+    return ", ".join(sorted(methods))
 
 
 def _away(detail: str) -> tuple[Problem, Mapping[str, str]]:

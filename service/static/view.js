@@ -4,7 +4,7 @@ import { GcvecView } from "./gcvec.js";
 import { awaitJson, call, callChecked, callFile, eventsOf } from "./session.js";
 
 const element = (id) => document.getElementById(id);
-const address = location.pathname.replace(/\/view\/?$/, "");
+const address = location.pathname.replace(/\/view$/, "");
 
 const PHASES = {
   queued: "Waiting for a worker",

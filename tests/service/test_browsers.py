@@ -6,6 +6,7 @@ import httpx
 import pytest
 
 from tests.service.conftest import Jobs, serving
+from tests.service.test_submit import refused
 from worker import storage
 from worker.settings import Settings
 
@@ -69,6 +70,11 @@ def test_pages_of_other_origins_are_let_in_by_setting_only(api: httpx.Client, se
         )
         assert allowed.status_code == 200
         assert allowed.headers["access-control-allow-origin"] == "https://app.example"
+        for name in ("Authorization", "Idempotency-Key", "If-None-Match", "If-Range", "Range"):
+            wanted = asked | {"Access-Control-Request-Headers": name}
+            assert client.options("/v1/jobs", headers=wanted).status_code == 200
+        for refusable in ({"Origin": "https://evil.example"}, {"Access-Control-Request-Headers": "X-Evil"}):
+            refused(client.options("/v1/jobs", headers=asked | refusable), 403, "forbidden")
         answer = client.get("/v1/jobs", headers={"Origin": "https://app.example"})
         assert answer.status_code == 401
         assert answer.headers["access-control-allow-origin"] == "https://app.example"
