@@ -13,6 +13,9 @@ MOST_SNAP = 20
 
 MOST_EFFORT = 9
 
+LARGEST_COUNT = 2**31 - 1
+"""Of what is counted: compiled kernels take no larger numbers."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -39,40 +42,24 @@ class Options:
     target_bytes: int = 0
 
     def __post_init__(self) -> None:
+        if self.strategy not in ("batch", "paper"):
+            raise self._refused("strategy", "be 'batch' or 'paper'")
         for name in ("max_points", "workers", "regions", "effort", "target_bytes"):
             if not isinstance(getattr(self, name), Integral):
-                raise _bad_kind(name, "a whole number", getattr(self, name))
+                raise self._refused(name, "be a whole number")
         for name in ("target_mse", "snap"):
             if not isinstance(getattr(self, name), Real):
-                raise _bad_kind(name, "a number", getattr(self, name))
-        if self.strategy not in ("batch", "paper"):
-            raise InputError(
-                f"strategy must be 'batch' or 'paper', not {self.strategy!r}",
-                code="bad-option",
-                pointer="strategy",
-            )
+                raise self._refused(name, "be a number")
         if not 0 < self.target_mse < 65025:
-            raise InputError(
-                f"target_mse must lie between 0 and 65025, not {self.target_mse}",
-                code="bad-option",
-                pointer="target_mse",
-            )
+            raise self._refused("target_mse", "lie between 0 and 65025")
         if not 0 <= self.snap <= MOST_SNAP:
-            raise InputError(
-                f"snap must lie between 0 and {MOST_SNAP} pixels, not {self.snap}",
-                code="bad-option",
-                pointer="snap",
-            )
+            raise self._refused("snap", f"lie between 0 and {MOST_SNAP} pixels")
         if not 1 <= self.effort <= MOST_EFFORT:
-            raise InputError(
-                f"effort must lie between 1 and {MOST_EFFORT}, not {self.effort}",
-                code="bad-option",
-                pointer="effort",
-            )
+            raise self._refused("effort", f"lie between 1 and {MOST_EFFORT}")
         for name in ("max_points", "workers", "regions", "target_bytes"):
-            if getattr(self, name) < 0:
-                raise InputError(f"{name} must not be negative", code="bad-option", pointer=name)
+            if not 0 <= getattr(self, name) <= LARGEST_COUNT:
+                raise self._refused(name, f"lie between 0 and {LARGEST_COUNT}")
 
-
-def _bad_kind(name: str, kind: str, value: object) -> InputError:
-    return InputError(f"{name} must be {kind}, not {value!r}", code="bad-option", pointer=name)
+    def _refused(self, name: str, wanted: str) -> InputError:
+        value = getattr(self, name)
+        return InputError(f"{name} must {wanted}, not {value!r}", code="bad-option", pointer=name)

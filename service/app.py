@@ -37,6 +37,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=version("gcvec"),
         summary="Photos into vector images made of generalized Coons patches",
         lifespan=_lifespan,
+        redirect_slashes=False,
         generate_unique_id_function=lambda route: route.name,
     )
     app.state.settings = settings

@@ -17,6 +17,15 @@ from gcvec.progress import OnProgress, Progress
 
 _PATIENCE: Final = 10
 _PAUSE_SECONDS: Final = 1.0
+_LONGEST_PAUSE_SECONDS: Final = 60.0
+
+
+class BusyError(RuntimeError):
+    """The service cannot answer now, but says that it may in a while: after `seconds`."""
+
+    def __init__(self, message: str, seconds: float) -> None:
+        super().__init__(message)
+        self.seconds = seconds
 
 
 class Client:
@@ -50,6 +59,7 @@ class Client:
         """Wait for the end of a job, telling of its progress; the job as it ended."""
         last, failures = "0", 0
         while True:
+            pause = _PAUSE_SECONDS
             try:
                 for identity, kind, data in self._events(job["links"]["events"], last):
                     last, failures = identity or last, 0
@@ -57,11 +67,13 @@ class Client:
                         on_progress(Progress(**data))
                     if kind == "state":
                         return data
-            except httpx.TransportError:
+            except (httpx.TransportError, BusyError) as error:
                 failures += 1
                 if failures > _PATIENCE:
                     raise
-            time.sleep(_PAUSE_SECONDS)
+                if isinstance(error, BusyError):
+                    pause = error.seconds
+            time.sleep(pause)
 
     def download(self, link: str, path: Path) -> None:
         """Fetch a file of a job; one that is made on demand is asked for until it is there."""
@@ -73,9 +85,9 @@ class Client:
                             file.write(part)
                     return
                 answer.read()
-            if answer.status_code != HTTPStatus.CONFLICT:
+            if answer.status_code != HTTPStatus.CONFLICT and not _is_busy(answer):
                 break
-            time.sleep(float(answer.headers.get("Retry-After", _PAUSE_SECONDS)))
+            time.sleep(_pause(answer))
         _content(answer)
 
     def _events(self, link: str, last: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
@@ -83,6 +95,7 @@ class Client:
         with self._http.stream("GET", link, headers={"Last-Event-ID": last}) as answer:
             if answer.is_error:
                 answer.read()
+                _raise_if_busy(answer)
                 _content(answer)
             event: dict[str, str] = {}
             for line in answer.iter_lines():
@@ -92,6 +105,25 @@ class Client:
                 elif "data" in event:
                     yield event.get("id", ""), event.get("event", "message"), json.loads(event["data"])
                     event = {}
+
+
+def _is_busy(answer: httpx.Response) -> bool:
+    return answer.is_server_error or answer.status_code == HTTPStatus.TOO_MANY_REQUESTS
+
+
+def _raise_if_busy(answer: httpx.Response) -> None:
+    if not _is_busy(answer):
+        return
+    try:
+        _content(answer)
+    except (InputError, RuntimeError) as error:
+        raise BusyError(str(error), _pause(answer)) from None
+
+
+def _pause(answer: httpx.Response) -> float:
+    """The seconds after which the answer says to ask again; a date, as of a proxy, is passed over."""
+    stated = answer.headers.get("Retry-After", "")
+    return min(float(stated), _LONGEST_PAUSE_SECONDS) if stated.isdecimal() else _PAUSE_SECONDS
 
 
 def _content(answer: httpx.Response) -> dict[str, Any]:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
-from typing import Any
+from typing import Any, Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from fastapi.routing import iter_route_contexts
 from obstore.exceptions import BaseError
 from pydantic import BaseModel
 from redis.exceptions import RedisError
 from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from gcvec.errors import InputError
 from worker.problems import Problem, input_problem, problem
@@ -22,6 +25,29 @@ from worker.problems import Problem, input_problem, problem
 logger = logging.getLogger(__name__)
 
 _COME_BACK = {"Retry-After": "5"}
+_NAMES: Final = {
+    "form": ("form", "part"),
+    "body": ("body", "field"),
+    "query": ("query", "parameter"),
+    "path": ("address", "part"),
+    "header": ("header", "header"),
+}
+"""What to call the places of a request: the whole, and what is in it."""
+_SAYINGS: Final = {
+    "missing": "is missing",
+    "json_invalid": "is not JSON",
+    "model_type": "should be a JSON object",
+    "model_attributes_type": "should be a JSON object",
+    "list_type": "should be a list",
+    "string_type": "should be text",
+    "int_type": "should be a whole number",
+    "int_parsing": "should be a whole number",
+    "int_from_float": "should be a whole number",
+    "float_type": "should be a number",
+    "float_parsing": "should be a number",
+}
+_LONGEST_NAME: Final = 200
+_SHOULD: Final = re.compile(r"\w+ (?=should )")
 _CODES = {401: "unauthorized", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
 
 
@@ -92,7 +118,10 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def _invalid(_: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
-        return answer(problem("invalid-request", first["msg"], _pointer(first, error.body)))
+        where, path = _place(first, error.body)
+        detail = explained(first, path, *_NAMES[where])
+        pointer = "/".join(("", *([] if where == "form" else [where]), *map(str, path)))
+        return answer(problem("invalid-request", detail, pointer))
 
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> JSONResponse:
@@ -100,7 +129,8 @@ def install(app: FastAPI) -> None:
             return await _problem(request, error.__cause__)
         code = _CODES.get(error.status_code, "invalid-request")
         found = problem(code, str(error.detail))
-        return answer(Problem(found.type, found.title, error.status_code, found.detail), error.headers)
+        headers = {"Allow": _allowed(request)} if code == "method-not-allowed" else error.headers
+        return answer(Problem(found.type, found.title, error.status_code, found.detail), headers)
 
     @app.exception_handler(RedisError)
     async def _broker(_: Request, error: RedisError) -> JSONResponse:
@@ -119,14 +149,39 @@ def install(app: FastAPI) -> None:
         return answer(problem("internal-error", "the request failed for a reason that was logged"))
 
 
-def _pointer(error: Mapping[str, Any], body: object) -> str:
-    """The part of the request that a validation error is about; a part of a form by its name alone."""
-    place: Sequence[int | str] = error["loc"]
+def explained(error: Mapping[str, Any], path: Sequence[int | str], whole: str, part: str) -> str:
+    """What a validation error says in words for people, of the `whole` or of the `part` of it at `path`."""
+    name = "/".join(map(str, path))[:_LONGEST_NAME]
+    kind, said = error["type"], error["msg"]
+    if kind == "extra_forbidden":
+        return f"there is no {part} {name!r}"
+    subject = f"the {part} {name!r}" if path else f"the {whole}"
+    if kind in _SAYINGS:
+        return f"{subject} {_SAYINGS[kind]}"
+    if "UploadFile" in said:
+        return f"{subject} should be a file"
+    if _SHOULD.match(said):
+        return f"{subject} {_SHOULD.sub('', said)}"
+    return f"{subject}: {said.removeprefix('Value error, ')}"
+
+
+def _place(error: Mapping[str, Any], body: object) -> tuple[str, list[int | str]]:
+    """What a validation error is about: in what of the request, and where in it."""
+    where, *path = error["loc"]
     if error["type"] == "json_invalid":
-        place = place[:1]  # what follows is a position in the text
-    elif place[0] == "body" and isinstance(body, FormData):
-        place = place[1:]
-    return "/" + "/".join(map(str, place))
+        path = []  # it is a position in the text
+    return "form" if isinstance(body, FormData) and where == "body" else where, path
+
+
+def _allowed(request: Request) -> str:
+    """The methods of the address, each of which is a route of its own."""
+    methods = {
+        method
+        for context in iter_route_contexts(request.app.routes)
+        if context.original_route.matches(request.scope)[0] is not Match.NONE
+        for method in context.methods or ()
+    }
+    return ", ".join(sorted(methods))
 
 
 def _away(detail: str) -> tuple[Problem, Mapping[str, str]]:

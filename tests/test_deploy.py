@@ -69,6 +69,15 @@ def test_the_same_runs_in_both() -> None:
     assert set(shlex.split(services["redis"]["command"])) <= set(container("redis")["command"])
 
 
+@pytest.mark.parametrize("name", sorted({*COMPOSE["services"]} - {"redis"}))
+def test_containers_get_every_setting(name: str) -> None:
+    """Those of `.env`, which what is written here must not override; the broker is one of the containers."""
+    service = COMPOSE["services"][name]
+    assert service["env_file"] == [{"path": ".env", "required": False}]
+    for setting, value in service["environment"].items():
+        assert setting == "GCVEC_BROKER_URL" or value.startswith(f"${{{setting}:"), setting
+
+
 def named(text: str) -> set[str]:
     return set(re.findall(r"\bGCVEC_[A-Z_]+", text))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ from typing import Any, Final
 import redis
 
 from gcvec.progress import Progress
+from worker import logs
 from worker.keeper import Keeper
 from worker.problems import problem
 from worker.records import EVENTS_KEPT, Call, JobRecords, finish, report
@@ -44,7 +46,11 @@ class Attempt(Keeper):
         self._seconds = seconds
         self._retention = retention
         self._deadline = time.monotonic() + seconds
+        self._outage = logs.Outage(
+            logger, f"job {job_id}: progress waits", f"job {job_id}: progress waits no longer"
+        )
         self._events: deque[Mapping[str, Any]] = deque(maxlen=EVENTS_KEPT)
+        self._changing_events = threading.Lock()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -54,7 +60,8 @@ class Attempt(Keeper):
 
     def on_progress(self, progress: Progress) -> None:
         """Queue an event. Raises StopError if the run must end."""
-        self._events.append(asdict(progress))
+        with self._changing_events:
+            self._events.append(asdict(progress))
         self.check()
 
     def _keep(self) -> None:
@@ -71,11 +78,13 @@ class Attempt(Keeper):
             os.kill(os.getpid(), signal.SIGKILL)
 
     def _send(self) -> None:
-        batch = list(self._events)
-        if not self._tell(report(self._job_id, self._number, batch)):
+        with self._changing_events:
+            batch, self._events = self._events, deque(maxlen=EVENTS_KEPT)
+        if self._tell(report(self._job_id, self._number, batch)):
             return
-        for _ in batch:
-            self._events.popleft()
+        with self._changing_events:
+            batch.extend(self._events)  # the oldest make room where there are too many
+            self._events = batch
 
     def _run_out(self) -> None:
         error = problem("time-limit", f"the job ran longer than {self._seconds:g} s")
@@ -88,8 +97,9 @@ class Attempt(Keeper):
         try:
             ours = self._records.run(call)
         except redis.RedisError as error:
-            logger.warning("job %s: progress waits (%s)", self._job_id, type(error).__name__)
+            self._outage.goes_on(error)
             return False
+        self._outage.is_over()
         if not ours:
             self._stopped.set()
         return bool(ours)

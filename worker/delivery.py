@@ -10,7 +10,16 @@ from urllib.parse import urlsplit
 from worker import logs
 from worker.app import DELIVER, app
 from worker.records import Job
-from worker.webhooks import DELIVERIES, UnsafeTargetError, event_name, message, post, signed_headers
+from worker.webhooks import (
+    DELIVERIES,
+    UnsafeTargetError,
+    begin_try,
+    event_name,
+    message,
+    post,
+    signed_headers,
+    tries_key,
+)
 from worker.workshop import Workshop, workshop
 
 logger = logging.getLogger(__name__)
@@ -19,20 +28,23 @@ _GONE = 410
 
 
 @app.task(name=DELIVER)
-def deliver(entry: str) -> None:
-    """Tell of one change of a job, or have it told later; `entry` is "ID STATUS"."""
+def deliver(entry: str, tries: int) -> None:
+    """Tell of one change of a job, or have it told later.
+
+    `entry` is "ID STATUS"; `tries` is how often that had been tried when the message was sent.
+    """
     shop = workshop()
     job_id, status = entry.split()
     with logs.about(job_id):
-        _deliver(shop, entry, job_id, status)
+        if shop.records.run(begin_try(entry, tries)):
+            _deliver(shop, entry, job_id, status, tries)
 
 
-def _deliver(shop: Workshop, entry: str, job_id: str, status: str) -> None:
+def _deliver(shop: Workshop, entry: str, job_id: str, status: str, tries: int) -> None:
     job = shop.records.get(job_id)
     if job is None or job.webhook is None or event_name(status) not in job.webhook["events"]:
         _settle(shop, entry)
         return
-    tries = _count(shop, entry)
     try:
         done = _call(shop, job, status)
     except UnsafeTargetError as error:
@@ -42,10 +54,10 @@ def _deliver(shop: Workshop, entry: str, job_id: str, status: str) -> None:
         logger.warning("job %s: webhook not reached: %s", job_id, type(error).__name__)
         done = False
     pauses = shop.settings.webhook_pauses
-    if done or tries > len(pauses):
+    if done or tries >= len(pauses):
         _settle(shop, entry)
     else:
-        shop.client.zadd(DELIVERIES, {entry: time.time() + pauses[tries - 1]}, xx=True)
+        shop.client.zadd(DELIVERIES, {entry: time.time() + pauses[tries]}, xx=True)
 
 
 def _call(shop: Workshop, job: Job, status: str) -> bool:
@@ -58,14 +70,6 @@ def _call(shop: Workshop, job: Job, status: str) -> bool:
     return 200 <= answer < 300 or answer == _GONE
 
 
-def _count(shop: Workshop, entry: str) -> int:
-    key = f"gcvec:told:{entry}"
-    with shop.client.pipeline(transaction=True) as pipeline:
-        pipeline.incr(key)
-        pipeline.expire(key, 7 * 86_400)
-        return int(pipeline.execute()[0])
-
-
 def _settle(shop: Workshop, entry: str) -> None:
     shop.client.zrem(DELIVERIES, entry)
-    shop.client.delete(f"gcvec:told:{entry}")
+    shop.client.delete(tries_key(entry))

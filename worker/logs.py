@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import time
 from contextlib import AbstractContextManager
 from typing import Final
 
@@ -12,6 +13,7 @@ from structlog.contextvars import bind_contextvars, bound_contextvars, merge_con
 
 from worker.settings import Settings
 
+_REMINDER_SECONDS: Final = 60.0
 _TEXT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
 
@@ -35,6 +37,29 @@ def about(job_id: str) -> AbstractContextManager[None]:
 def from_now_on_about(job_id: str) -> None:
     """Records written by the rest of this request are about this job."""
     bind_contextvars(job=job_id)
+
+
+class Outage:
+    """Tells of what is tried again and again: that it fails, once a minute, and when that is over."""
+
+    def __init__(self, logger: logging.Logger, during: str, after: str) -> None:
+        self._logger = logger
+        self._during = during
+        self._after = after
+        self._told: float | None = None
+
+    def goes_on(self, error: Exception) -> None:
+        """It has failed, once more perhaps."""
+        now = time.monotonic()
+        if self._told is None or now - self._told >= _REMINDER_SECONDS:
+            self._logger.warning("%s (%s)", self._during, type(error).__name__)
+            self._told = now
+
+    def is_over(self) -> None:
+        """It has not failed."""
+        if self._told is not None:
+            self._logger.info("%s", self._after)
+            self._told = None
 
 
 def _json() -> logging.Formatter:

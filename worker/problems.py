@@ -11,7 +11,7 @@ TITLES: dict[str, tuple[int, str]] = {
     "forbidden": (403, "This is not allowed from here"),
     "not-found": (404, "There is no such thing here"),
     "method-not-allowed": (405, "This method is not allowed here"),
-    "not-ready": (409, "The job has not finished"),
+    "not-ready": (409, "This is not ready yet"),
     "no-result": (409, "The job ended without a result"),
     "in-flight": (409, "The same request is being handled"),
     "gone": (410, "The job has expired or was deleted"),

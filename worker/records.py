@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final, Literal, cast
@@ -259,7 +259,7 @@ def claim(job_id: str) -> Call:
     return Call(_CLAIM, _keys(job_id), (job_id, time.time(), int(LEASE_SECONDS * 1000)))
 
 
-def report(job_id: str, attempt: int, events: Sequence[Mapping[str, Any]]) -> Call:
+def report(job_id: str, attempt: int, events: Iterable[Mapping[str, Any]]) -> Call:
     """Renew the lease and append progress events; returns 0 if the attempt is no longer the job's."""
     texts = (json.dumps(event) for event in events)
     lease = int(LEASE_SECONDS * 1000)

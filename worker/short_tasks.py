@@ -46,9 +46,9 @@ def remove_job(job_id: str) -> None:
     """Remove the files of an expired job, then its record."""
     shop = workshop()
     storage.delete_folder(shop.store, storage.job_folder(job_id))
-    shop.records.run(retire(job_id))
-    with logs.about(job_id):
-        logger.info("job %s: expired and removed", job_id)
+    if shop.records.run(retire(job_id)):
+        with logs.about(job_id):
+            logger.info("job %s: expired and removed", job_id)
 
 
 @app.task(name=TIDY)

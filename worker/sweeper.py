@@ -12,7 +12,7 @@ from typing import Any, Final
 import redis
 
 from worker import logs
-from worker.app import DELIVER, JOBS_QUEUE, REMOVE, TIDY, VECTORIZE, app
+from worker.app import DELIVER, HOOKS_QUEUE, JOBS_QUEUE, REMOVE, SHORT_QUEUE, TIDY, VECTORIZE, app
 from worker.records import (
     ACTIVE,
     EXPIRY,
@@ -24,7 +24,7 @@ from worker.records import (
     requeue,
 )
 from worker.settings import get_settings
-from worker.webhooks import DELIVERIES
+from worker.webhooks import DELIVERIES, tries_key
 
 logger = logging.getLogger(__name__)
 
@@ -67,16 +67,26 @@ class Sweeper:
                 with logs.about(job_id):
                     logger.warning("job %s: sent again", job_id)
                 app.send_task(VECTORIZE, [job_id])
-        now = time.time()
-        for job_id in self._client.zrange(EXPIRY, 0, now, byscore=True, offset=0, num=_BATCH):
-            if self._client.zadd(EXPIRY, {job_id: now + _REMOVED_WITHIN}, xx=True, ch=True):
-                app.send_task(REMOVE, [job_id])
-
-        for entry in self._client.zrange(DELIVERIES, 0, now, byscore=True, offset=0, num=_BATCH):
-            if self._client.zadd(DELIVERIES, {entry: now + _DELIVERED_WITHIN}, xx=True, ch=True):
-                app.send_task(DELIVER, [entry])
+        for job_id in self._due(EXPIRY, SHORT_QUEUE, _REMOVED_WITHIN):
+            app.send_task(REMOVE, [job_id])
+        for entry in self._due(DELIVERIES, HOOKS_QUEUE, _DELIVERED_WITHIN):
+            app.send_task(DELIVER, [entry, int(self._client.get(tries_key(entry)) or 0)])
         if self._client.set("gcvec:tidied", "1", nx=True, px=int(1000 * self._tidy_seconds)):
             app.send_task(TIDY)
+
+    def _due(self, schedule: str, queue: str, seconds: float) -> list[str]:
+        """What a schedule holds that its time has come for. It is due again after so many seconds.
+
+        Nothing while many messages wait in the queue: that of what is due may be one of them.
+        """
+        if self._client.llen(queue) >= _BATCH:
+            return []
+        now = time.time()
+        return [
+            entry
+            for entry in self._client.zrange(schedule, 0, now, byscore=True, offset=0, num=_BATCH)
+            if self._client.zadd(schedule, {entry: now + seconds}, xx=True, ch=True)
+        ]
 
     def lost(self) -> list[str]:
         """Unfinished jobs that nobody works on and that no message stands for.

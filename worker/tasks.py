@@ -148,8 +148,9 @@ def _succeed(shop: Workshop, job: Job, manifest: Manifest) -> None:
 
 def _fail(shop: Workshop, job: Job, reason: Problem) -> None:
     retention = shop.settings.retention.total_seconds()
-    ended = finish(job.id, "failed", retention=retention, attempt=job.attempt, error=reason)
-    if shop.records.run(ended):
+    ended = shop.records.run(finish(job.id, "failed", retention=retention, attempt=job.attempt, error=reason))
+    if ended:
         logger.info("job %s: failed: %s", job.id, reason.type)
-    for number in range(1, job.attempt + 1):
+    first = 1 if ended else job.attempt  # what another attempt has delivered stays
+    for number in range(first, job.attempt + 1):
         storage.delete_folder(shop.store, storage.attempt_folder(job.id, number))

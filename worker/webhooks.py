@@ -22,12 +22,13 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from worker.records import Job
+from worker.records import Call, Job
 
 DELIVERIES: Final = "gcvec:deliveries"
 SECRET_PREFIX: Final = "whsec_"
 
 _SECONDS: Final = 10.0
+_TRIES_KEPT_SECONDS: Final = 7 * 86_400
 _EMBEDDING: Final = tuple(
     map(
         IPv6Network,
@@ -49,8 +50,28 @@ Teredo and 6to4; and those of sites, which there are no longer (RFC 3879)."""
 _SCHEMES: Final = {"https": 443, "http": 80}
 
 
+_BEGIN_TRY = """
+if not redis.call('ZSCORE', KEYS[1], ARGV[1]) then return 0 end
+if (redis.call('GET', KEYS[2]) or '0') ~= ARGV[2] then return 0 end
+redis.call('SET', KEYS[2], ARGV[2] + 1, 'EX', ARGV[3])
+return 1
+"""
+
+
 class UnsafeTargetError(Exception):
     """The address may not be called."""
+
+
+def tries_key(entry: str) -> str:
+    return f"gcvec:told:{entry}"
+
+
+def begin_try(entry: str, tries: int) -> Call:
+    """Count a try that follows on so many others; returns 0 if it has been made, or the entry is settled.
+
+    While messages wait the same may be sent more than once: whichever is taken first makes the try.
+    """
+    return Call(_BEGIN_TRY, (DELIVERIES, tries_key(entry)), (entry, tries, _TRIES_KEPT_SECONDS))
 
 
 def event_name(status: str) -> str:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Final
 
-from fastapi import FastAPI
-from starlette.datastructures import MutableHeaders
+from fastapi import FastAPI, Response
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.errors import answer
+from worker.problems import problem
 from worker.settings import Settings
 
 _DATA: Final = "default-src 'none'; frame-ancestors 'none'"
 _DRAWING: Final = f"{_DATA}; img-src data:; style-src 'unsafe-inline'; sandbox"
 _PAGE: Final = (
-    "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; "
+    "default-src 'self'; img-src 'self' blob: data:; "
     "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
 _DOCS: Final = (
@@ -29,6 +32,8 @@ _ASKED_WITH: Final = [
     "Authorization",
     "Content-Type",
     "Idempotency-Key",
+    "If-None-Match",
+    "If-Range",
     "Last-Event-ID",
     "Range",
     "X-Requested-With",
@@ -41,7 +46,7 @@ def install(app: FastAPI, settings: Settings) -> None:
     app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=6)
     if settings.cors_origins:
         app.add_middleware(
-            CORSMiddleware,
+            OtherOrigins,
             allow_origins=settings.cors_origins,
             allow_methods=["GET", "HEAD", "POST", "DELETE"],
             allow_headers=_ASKED_WITH,
@@ -49,6 +54,19 @@ def install(app: FastAPI, settings: Settings) -> None:
             max_age=3600,
         )
     app.add_middleware(SafeHeaders)
+
+
+class OtherOrigins(CORSMiddleware):
+    """Lets pages of other origins in. One that may not do what it asks for gets an error like all others."""
+
+    def preflight_response(self, request_headers: Headers) -> Response:
+        response = super().preflight_response(request_headers)
+        if response.status_code == HTTPStatus.OK:
+            return response
+        refused = bytes(response.body).decode().removeprefix("Disallowed CORS ")
+        return answer(
+            problem("forbidden", f"not allowed to pages of other origins: {refused}"), {"Vary": "Origin"}
+        )
 
 
 class SafeHeaders:

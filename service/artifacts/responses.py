@@ -14,7 +14,7 @@ from service.errors import ProblemError
 from worker import storage
 from worker.storage import StoredFile
 
-_SINGLE_RANGE = re.compile(r"bytes=(\d*)-(\d*)$")
+_SINGLE_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})$")
 
 
 async def file_response(

@@ -31,7 +31,7 @@ def _checked(_context: click.Context, _parameter: click.Parameter, url: str) -> 
 
 @contextmanager
 def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
-    """Let an error that is raised inside name the file, or the service, that it is about."""
+    """Let an error that is raised inside name the file, or else the address, that it is about."""
     try:
         yield
     except InputError as error:
@@ -45,6 +45,16 @@ def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
         raise InputError(f"{url}: {error}", code=error.code, pointer=error.pointer) from error
     except (HTTPError, RuntimeError) as error:
         raise RuntimeError(f"{url}: {error}") from error
+
+
+@contextmanager
+def _found_again_at(place: str) -> Iterator[None]:
+    """Let Ctrl-C inside say where the job is, which goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"gcvec: interrupted; the job is at {place}", file=sys.stderr)
+        raise
 
 
 @click.command()
@@ -74,13 +84,16 @@ def submit(
 ) -> None:
     """Upload a picture to a service, watch the job and download its files."""
     output.mkdir(parents=True, exist_ok=True)
-    with _naming(image, annotations, url), Client(url, key) as client:
-        job = client.submit(image, annotations, options)
-        with progress_bar() as on_progress:
-            job = client.follow(job, on_progress)
-        if job["status"] != "succeeded":
-            raise problem_error(job["error"] or {"status": 500, "detail": f"the job was {job['status']}"})
-        for warning in job["warnings"]:
-            print(f"gcvec: warning: {image}: {warning}", file=sys.stderr)
-        for name, kind in (KINDS | EXPORTS).items():
-            client.download(job["links"][name], output / kind.filename)
+    with Client(url, key) as client:
+        with _naming(image, annotations, url):
+            job = client.submit(image, annotations, options)
+        place = f"{url.rstrip('/')}{job['links']['self']}"
+        with _naming(image, annotations, place), _found_again_at(place):
+            with progress_bar() as on_progress:
+                job = client.follow(job, on_progress)
+            if job["status"] != "succeeded":
+                raise problem_error(job["error"] or {"status": 500, "detail": f"the job was {job['status']}"})
+            for warning in job["warnings"]:
+                print(f"gcvec: warning: {image}: {warning}", file=sys.stderr)
+            for name, kind in (KINDS | EXPORTS).items():
+                client.download(job["links"][name], output / kind.filename)

@@ -18,6 +18,8 @@ from service.jobs.uploads import Upload, check_parts, read_file, read_options, r
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 _RETRY_AFTER = "1"
+_LARGEST_ID = 2**53
+"""As large a number as JSON is sure to keep, and more than a job has events."""
 
 
 @router.post(
@@ -112,7 +114,7 @@ async def get_job(
 async def watch_job(
     job: JobDep,
     services: ServicesDep,
-    last_event_id: Annotated[int, Header(ge=0)] = 0,
+    last_event_id: Annotated[int, Header(ge=0, le=_LARGEST_ID)] = 0,
 ) -> Response:
     """Server-sent events: `snapshot`, one `progress` a refinement iteration, a final `state`, then the end.
 

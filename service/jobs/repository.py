@@ -17,6 +17,7 @@ from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 
+from worker import logs
 from worker.app import QUEUES
 from worker.orphans import FOREIGN_STORE
 from worker.records import (
@@ -192,10 +193,12 @@ class Changes:
 
     async def listen(self) -> None:
         """Follow the changes until cancelled, across outages."""
+        outage = logs.Outage(logger, "changes are not heard", "changes are heard again")
         while True:
             try:
                 async with self._client.pubsub(ignore_subscribe_messages=True) as subscription:
                     await subscription.subscribe(CHANGES)
+                    outage.is_over()
                     for topic in list(self._waiting):  # what happened while nobody listened
                         self._wake(topic)
                     while True:
@@ -203,7 +206,7 @@ class Changes:
                         if message is not None:
                             self._wake(message["data"])
             except RedisError as error:
-                logger.warning("changes are not heard: %s", type(error).__name__)
+                outage.goes_on(error)
                 await asyncio.sleep(_RECONNECT_SECONDS)
 
     def _wake(self, topic: str) -> None:

@@ -6,7 +6,7 @@ import base64
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, field_validator
 
 from gcvec.options import Options
 from service.errors import ProblemView
@@ -19,10 +19,18 @@ Name = Annotated[str, StringConstraints(max_length=1024)]
 Color = Annotated[str, StringConstraints(pattern="^#[0-9a-fA-F]{6}$")]
 
 
+def _whole(number: object) -> object:
+    """JSON knows no difference between 5 and 5.0."""
+    return int(number) if isinstance(number, float) and number.is_integer() else number
+
+
+Count = Annotated[int, BeforeValidator(_whole)]
+
+
 class JobOptions(BaseModel):
     """The options of one vectorization: those of the command line."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
 
     strategy: Literal["batch", "paper"] = Field(
         Options.strategy,
@@ -31,16 +39,16 @@ class JobOptions(BaseModel):
     target_mse: float = Field(
         Options.target_mse, description="mean squared error (0-255 scale) at which refinement stops"
     )
-    max_points: int = Field(
+    max_points: Count = Field(
         Options.max_points, description="most interior control points of one region; 0: no limit"
     )
-    workers: int = Field(Options.workers, description="threads; 0: as many as the server grants")
-    regions: int = Field(Options.regions, description="automatic regions wanted; 0: the picture decides")
+    workers: Count = Field(Options.workers, description="threads; 0: as many as the server grants")
+    regions: Count = Field(Options.regions, description="automatic regions wanted; 0: the picture decides")
     snap: float = Field(
         Options.snap, description="pixels that annotated borders may move onto edges; 0: kept as drawn"
     )
-    effort: int = Field(Options.effort, description="1 to 9: time to spend on fewer control points")
-    target_bytes: int = Field(
+    effort: Count = Field(Options.effort, description="1 to 9: time to spend on fewer control points")
+    target_bytes: Count = Field(
         Options.target_bytes,
         description="largest file; the error is as small as it allows; 0: target_mse decides",
     )

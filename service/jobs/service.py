@@ -9,6 +9,7 @@ import logging
 import time
 import uuid
 from collections.abc import AsyncIterator
+from contextlib import suppress
 
 import obstore
 from anyio import to_thread
@@ -134,25 +135,29 @@ async def delete(services: Services, job: Job) -> None:
 async def stream(services: Services, job: Job, after: int) -> AsyncIterator[bytes]:
     """Server-sent events: a snapshot, every event numbered above `after`, the final state, the end.
 
-    When the server is to stop they end early: clients come back and name the last event they have seen.
+    When the server is to stop, or in an outage of Redis, they end early: clients come back and name the last
+    event they have seen.
     """
     snapshot = JobView.of(job).model_dump_json()
     yield format_sse_event(event="snapshot", data_str=snapshot, retry=1000)
-    async with services.changes.watch(job.id, progress=True) as changed:
-        while True:
-            changed.clear()
-            events = await services.jobs.events(job.id, after)
-            for event in events:
-                after = event.number
-                yield await _encode(services, job, event)
-                if event.kind == "state":
+    after = min(after, job.last_event)  # a client may name an event that there has not been
+    with suppress(RedisError):
+        async with services.changes.watch(job.id, progress=True) as changed:
+            while True:
+                changed.clear()
+                events = await services.jobs.events(job.id, after)
+                for event in events:
+                    after = event.number
+                    yield await _encode(services, job, event)
+                    if event.kind == "state":
+                        return
+                if services.changes.stopping:
                     return
-            if services.changes.stopping:
-                return
-            if not events and not await _wait(changed, _PING_SECONDS):
-                if (await services.jobs.find(job.id))[1] is None:
-                    return  # deleted or expired meanwhile
-                yield format_sse_event(comment="still here")
+                if not events and not await _wait(changed, _PING_SECONDS):
+                    _, now = await services.jobs.find(job.id)
+                    if now is None or (now.finished and now.last_event <= after):
+                        return  # deleted or expired meanwhile, or nothing is to come
+                    yield format_sse_event(comment="still here")
 
 
 async def _encode(services: Services, job: Job, event: Event) -> bytes:

@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gcvec.errors import InputError, pointing_at
 from gcvec.io import PictureHeader, check_size, probe_picture, read_annotations
-from service.errors import ProblemError, answer, unavailable
+from service.errors import ProblemError, answer, explained, unavailable
 from service.jobs.schemas import JobOptions, Webhook
 from worker.settings import Settings, limits
 from worker.webhooks import UnsafeTargetError, check_target
@@ -120,7 +120,8 @@ def read_options(text: str | None) -> JobOptions:
     except ValidationError as error:
         first = error.errors()[0]
         pointer = "/".join(("/options", *map(str, first["loc"])))
-        raise ProblemError("bad-option", first["msg"], pointer=pointer) from None
+        detail = explained(first, first["loc"], "options", "option")
+        raise ProblemError("bad-option", detail, pointer=pointer) from None
     except (ValueError, RecursionError) as error:
         raise ProblemError(
             "bad-option", f"options is not a JSON object: {error}", pointer="/options"
@@ -142,7 +143,8 @@ def read_webhook(text: str | None, settings: Settings) -> Webhook | None:
     except ValidationError as error:
         first = error.errors()[0]
         pointer = "/".join(("/webhook", *map(str, first["loc"])))
-        raise ProblemError("bad-webhook", first["msg"], pointer=pointer) from None
+        detail = explained(first, first["loc"], "webhook", "field")
+        raise ProblemError("bad-webhook", detail, pointer=pointer) from None
     except UnsafeTargetError as error:
         raise ProblemError("bad-webhook", str(error), pointer="/webhook/url") from None
     return webhook

@@ -16,10 +16,8 @@ from worker import storage
 
 STATIC: Final = Path(__file__).parents[1] / "static"
 
-_PAGE_HEADERS: Final = {
-    "Cache-Control": "no-cache",
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; style-src 'self'",
-}
+_HEADERS: Final = {"Cache-Control": "no-cache"}
+"""Pages, scripts and styles belong together, so browsers ask whether theirs are still those."""
 
 router = APIRouter(tags=["pages"])
 
@@ -28,7 +26,9 @@ def _serve(files: StaticFiles, path: str) -> None:
     """Register the address of one file. All of them behind "/" would hide which methods others know."""
 
     async def static(request: Request) -> Response:
-        return await files.get_response(path, request.scope)
+        response = await files.get_response(path, request.scope)
+        response.headers.update(_HEADERS)
+        return response
 
     router.add_route(f"/{path}", static, include_in_schema=False)
 
@@ -37,14 +37,14 @@ def _serve(files: StaticFiles, path: str) -> None:
 @router.get("/", include_in_schema=False)
 async def home() -> FileResponse:
     """The upload form."""
-    return FileResponse(STATIC / "index.html", headers=_PAGE_HEADERS)
+    return FileResponse(STATIC / "index.html", headers=_HEADERS)
 
 
 @router.head("/v1/jobs/{job_id}/view", include_in_schema=False)
 @router.get("/v1/jobs/{job_id}/view", include_in_schema=False)
 async def view(job_id: str) -> FileResponse:
     """The page of a job, which asks for the job itself."""
-    return FileResponse(STATIC / "view.html", headers=_PAGE_HEADERS)
+    return FileResponse(STATIC / "view.html", headers=_HEADERS)
 
 
 @router.get(

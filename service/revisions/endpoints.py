@@ -54,6 +54,8 @@ async def get_revision(result: RevisedDep) -> RevisionView:
 async def _edit(services: Services, job: Job, edits: Edits) -> int:
     """The number of the new revision."""
     await find_result(services, job, edits.revision)
+    if not edits.moves and not edits.recolors:
+        raise ProblemError("invalid-request", "there is nothing to change", pointer="/body")
     await require_room(services, job.owner)
     changes = edits.model_dump(exclude={"revision"})
     args = [job.id, edits.revision, changes]

@@ -4,11 +4,12 @@ import { call, callBlob, callJson, forgetKey, hasKey } from "./session.js";
 
 const element = (id) => document.getElementById(id);
 const NUMBERS = ["target_mse", "max_points", "regions", "snap"];
+const TEXTS = ["strategy", "image_name"];
 
 function options() {
   const chosen = {};
   for (const name of NUMBERS) if (element(name).value !== "") chosen[name] = Number(element(name).value);
-  if (element("strategy").value) chosen.strategy = element("strategy").value;
+  for (const name of TEXTS) if (element(name).value.trim()) chosen[name] = element(name).value.trim();
   return chosen;
 }
 
@@ -108,6 +109,9 @@ function jobItem(job) {
 }
 
 element("form").addEventListener("submit", submit);
+element("form").addEventListener("invalid", ({ target }) => {
+  if (target.closest("details")) target.closest("details").open = true; // a browser can only show what is there
+}, true);
 element("forget").addEventListener("click", () => {
   forgetKey();
   location.reload();

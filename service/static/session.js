@@ -4,7 +4,8 @@
  */
 
 const STORED = "gcvec-key";
-const PAUSE = 1000; // ms before a stream of events that broke off is taken up again
+const PAUSE = 1000; // ms before a service that was away is asked again
+const LONGEST_MAKING = 120_000; // ms that a file may take to be made
 
 let asking = null;
 
@@ -30,25 +31,48 @@ export async function call(url, options = {}) {
   }
 }
 
-/** The JSON of an answer. Throws an Error with the problem's words. */
-export async function callJson(url, options) {
-  const answer = await call(url, options);
-  const content = await answer.json();
-  if (!answer.ok) throw new Error(content.detail || content.title);
-  return content;
+/** The answer, asked for again as long as the service is away or busy; `onAway` is told so every time. */
+async function callPatiently(url, options, onAway = () => {}) {
+  for (;;) {
+    const answer = await call(url, options).catch(() => null);
+    if (answer && answer.status < 500 && answer.status !== 429) return answer;
+    onAway();
+    await pause(answer ? secondsToWait(answer) * 1000 || PAUSE : PAUSE);
+  }
 }
+
+const pause = (milliseconds) => new Promise((resume) => setTimeout(resume, milliseconds));
+
+const secondsToWait = (answer) => Number(answer.headers.get("Retry-After")) || 0;
+
+/** The answer. Throws an Error with the problem's words; a proxy's own page has none for us. */
+async function checked(answer) {
+  if (answer.ok) return answer;
+  const problem = await answer.json().catch(() => null);
+  throw new Error(problem?.detail || problem?.title || `HTTP ${answer.status}`);
+}
+
+/** The answer of the service. Throws an Error with the problem's words. */
+export const callChecked = async (url, options) => checked(await call(url, options));
+
+/** The JSON of an answer. Throws an Error with the problem's words. */
+export const callJson = async (url, options) => (await callChecked(url, options)).json();
+
+/** The same, across outages; `onAway` is told of them. */
+export const awaitJson = async (url, onAway) => (await checked(await callPatiently(url, {}, onAway))).json();
 
 /** A file as a Blob. */
 export const callBlob = async (url) => (await callFile(url)).blob();
 
-/** The answer that holds a file; one that is made on demand is asked for until it is there. */
+/** The answer that holds a file; one that is made on demand is asked for until it is there, or takes too long. */
 export async function callFile(url) {
+  const end = Date.now() + LONGEST_MAKING;
   for (;;) {
     const answer = await call(url);
-    if (answer.ok) return answer;
-    const again = Number(answer.headers.get("Retry-After"));
-    if (answer.status !== 409 || !again) throw new Error((await answer.json()).detail);
-    await new Promise((resume) => setTimeout(resume, 1000 * again));
+    const again = secondsToWait(answer);
+    if (answer.status !== 409 || !again) return checked(answer);
+    if (Date.now() > end) throw new Error("The file is still being made. Try again later.");
+    await pause(1000 * again);
   }
 }
 
@@ -56,23 +80,18 @@ export async function callFile(url) {
 export async function* eventsOf(url) {
   let last = "0";
   for (;;) {
+    const answer = await checked(await callPatiently(url, { headers: { "Last-Event-ID": last } }));
+    if (answer.status === 204) return;
     try {
-      const answer = await call(url, { headers: { "Last-Event-ID": last } });
-      if (answer.status === 204) return;
-      if (answer.status >= 400 && answer.status < 500 && answer.status !== 429) {
-        throw Object.assign(new Error((await answer.json()).detail), { final: true });
-      }
-      if (answer.ok) {
-        for await (const { id, event, data } of parsed(answer.body)) {
-          last = id ?? last;
-          yield { event, data: JSON.parse(data) };
-          if (event === "state") return;
-        }
+      for await (const { id, event, data } of parsed(answer.body)) {
+        last = id ?? last;
+        yield { event, data: JSON.parse(data) };
+        if (event === "state") return;
       }
     } catch (error) {
-      if (error.final) throw error;
+      console.debug(error); // the connection broke
     }
-    await new Promise((resume) => setTimeout(resume, PAUSE));
+    await pause(PAUSE);
   }
 }
 

@@ -1,10 +1,10 @@
 /** The page of one job: its progress while it runs, then its patches. */
 
 import { GcvecView } from "./gcvec.js";
-import { call, callFile, callJson, eventsOf } from "./session.js";
+import { awaitJson, call, callChecked, callFile, eventsOf } from "./session.js";
 
 const element = (id) => document.getElementById(id);
-const address = location.pathname.replace(/\/view\/?$/, "");
+const address = location.pathname.replace(/\/view$/, "");
 
 const PHASES = {
   queued: "Waiting for a worker",
@@ -27,13 +27,16 @@ const OVERLAY_KEYS = { o: "outlines", p: "polygons", c: "points" };
 
 async function start() {
   try {
-    await show(await callJson(address));
+    await show(await awaitJson(address, showAway));
   } catch (error) {
     showProblem("This job cannot be shown", error.message);
   }
 }
 
+const showAway = () => (element("summary").textContent = "The service does not answer. Trying again…");
+
 async function show(job) {
+  element("summary").textContent = "";
   if (job.status === "succeeded") return showResult(job);
   if (job.status === "failed") return showProblem(job.error.title, job.error.detail);
   if (job.status === "canceled") return showProblem("Canceled", "This job was canceled before it had finished.");
@@ -44,20 +47,47 @@ async function show(job) {
 
 async function watch(job) {
   element("progress").hidden = false;
-  element("cancel").onclick = () => call(address, { method: "DELETE" });
+  element("cancel").onclick = cancel;
   showProgress(job.progress);
   for await (const { event, data } of eventsOf(job.links.events)) {
     if (event === "snapshot") showProgress(data.progress);
-    if (event === "progress") showProgress(data);
+    if (event !== "progress") continue;
+    if (data.mse !== null) errors.push(data.mse);
+    showProgress(data);
   }
+  clearTimeout(drawing);
   element("progress").hidden = true;
-  await show(await callJson(address));
+  await show(await awaitJson(address, showAway));
 }
 
-const errors = [];
+async function cancel() {
+  element("cancel").disabled = true;
+  element("cancel-error").hidden = true;
+  try {
+    await callChecked(address, { method: "DELETE" });
+  } catch (error) {
+    element("cancel-error").textContent = `Not canceled: ${error.message}`;
+    element("cancel-error").hidden = false;
+    element("cancel").disabled = false;
+  }
+}
 
+const DRAWING_PAUSE = 100; // ms, also where the tab is hidden: its title tells how far the job is
+const CHART_POINTS = 300;
+
+const errors = [];
+let latest = null;
+let drawing = 0;
+
+/** Show how far the job is, soon: on a page just opened all that has happened comes at once. */
 function showProgress(progress) {
-  const { phase = "queued", fraction = 0, mse = null, points = 0, iteration = 0 } = progress ?? {};
+  latest = progress;
+  drawing ||= setTimeout(drawProgress, DRAWING_PAUSE);
+}
+
+function drawProgress() {
+  drawing = 0;
+  const { phase = "queued", fraction = 0, mse = null, points = 0, iteration = 0 } = latest ?? {};
   element("phase").textContent = PHASES[phase] ?? phase;
   element("fraction").value = fraction;
   document.title = `${Math.round(100 * fraction)}% · gcvec`;
@@ -65,8 +95,13 @@ function showProgress(progress) {
   element("mse").textContent = mse.toFixed(mse < 10 ? 2 : 1);
   element("points").textContent = points.toLocaleString();
   element("iteration").textContent = iteration;
-  errors.push(mse);
-  element("errors").setAttribute("d", chartOf(errors));
+  element("errors").setAttribute("d", chartOf(thinned(errors)));
+}
+
+/** Some of the values, evenly spread, the last among them: no more than a chart has room for. */
+function thinned(values) {
+  const step = Math.ceil(values.length / CHART_POINTS);
+  return values.filter((_, k) => k % step === 0 || k === values.length - 1);
 }
 
 /** A falling line, logarithmic in the error. */
@@ -90,7 +125,7 @@ function showProblem(title, detail) {
 
 async function showResult(job) {
   element("summary").textContent = "Loading the patches…";
-  const result = await callJson(job.links.result);
+  const result = await awaitJson(job.links.result, showAway);
   element("canvas").hidden = false;
   const view = new GcvecView(element("canvas"));
   element("tools").hidden = false;
@@ -104,9 +139,12 @@ async function showResult(job) {
   await connectOriginal(view, `${address}/image`);
 }
 
+let summary = "";
+
 function showDetails(job, { image, patches, metrics, seconds, warnings }) {
   const size = `${image.width} × ${image.height}`;
-  element("summary").textContent = `${size} · ${patches.length.toLocaleString()} patches`;
+  summary = `${size} · ${patches.length.toLocaleString()} patches`;
+  element("summary").textContent = summary;
   document.title = `${size} · gcvec`;
   const kilobytes = metrics.bytes ? `${(metrics.bytes / 1000).toFixed(1)} kB` : null;
   const rows = [
@@ -129,6 +167,7 @@ function showDetails(job, { image, patches, metrics, seconds, warnings }) {
   }
   const all = [...new Set([...job.warnings, ...warnings])];
   element("warnings").hidden = !all.length;
+  if (all.length) element("details-title").textContent += ` · ${all.length} warning${all.length > 1 ? "s" : ""}`;
   element("warnings").append(...all.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
 }
 
@@ -138,7 +177,10 @@ function showDownloads(job) {
     const link = Object.assign(document.createElement("a"), { href: job.links[name], download: "" });
     link.append(Object.assign(document.createElement("strong"), { textContent: title }));
     link.append(Object.assign(document.createElement("small"), { textContent: hint }));
-    link.onclick = (event) => download(event, job.links[name]);
+    link.onclick = (event) => {
+      event.preventDefault();
+      if (link.ariaBusy !== "true") download(link, title);
+    };
     const item = document.createElement("li");
     item.append(link);
     element("downloads").append(item);
@@ -146,18 +188,21 @@ function showDownloads(job) {
 }
 
 /** A link by itself cannot send the key, nor ask again for a file that is being made. */
-async function download(event, url) {
-  event.preventDefault();
+async function download(link, title) {
+  link.ariaBusy = "true";
+  element("summary").textContent = `Making the ${title}…`;
   try {
-    const answer = await callFile(url);
+    const answer = await callFile(link.href);
     const [, name] = /filename="(.*)"/.exec(answer.headers.get("Content-Disposition")) ?? [];
-    const link = Object.assign(document.createElement("a"), { download: name ?? "" });
-    link.href = URL.createObjectURL(await answer.blob());
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+    const file = Object.assign(document.createElement("a"), { download: name ?? "" });
+    file.href = URL.createObjectURL(await answer.blob());
+    file.click();
+    setTimeout(() => URL.revokeObjectURL(file.href), 60_000);
+    element("summary").textContent = summary;
   } catch (error) {
     element("summary").textContent = error.message;
   }
+  link.ariaBusy = "false";
 }
 
 function connectTools(view) {

@@ -155,15 +155,22 @@ def test_pinch(browser: Browser, site: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["webgl", "software"])
-def test_the_original_is_shown_left_of_the_split(browser: Browser, site: str, name: str) -> None:
+@pytest.mark.parametrize(
+    "size",
+    [(WIDTH, HEIGHT), (20_000, 10), (10, 20_000)],
+    ids=["as it is", "wider than graphics cards take", "higher than they take"],
+)
+def test_the_original_is_shown_left_of_the_split(
+    browser: Browser, site: str, name: str, size: tuple[int, int]
+) -> None:
     with browser.page(WIDTH, HEIGHT) as page:
         open_page(page, site, name)
         plain = pixels(page, 0, 0, 1)
         page.evaluate(f"""(() => {{
-            const green = new OffscreenCanvas({WIDTH}, {HEIGHT});
+            const green = new OffscreenCanvas({size[0]}, {size[1]});
             const context = green.getContext("2d");
             context.fillStyle = "rgb(0 255 0)";
-            context.fillRect(0, 0, {WIDTH}, {HEIGHT});
+            context.fillRect(0, 0, {size[0]}, {size[1]});
             view.setOriginal(green);
             view.split = 0.25;
         }})()""")

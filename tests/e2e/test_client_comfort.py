@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,8 +18,9 @@ pytestmark = [pytest.mark.browser, pytest.mark.service]
 
 @pytest.fixture(scope="module")
 def job(running_service: RunningService) -> str:
-    """The address of a job that has succeeded."""
-    answer = httpx.post(f"{running_service.url}/v1/jobs", files={"image": ("a.png", png())})
+    """The address of a job that has succeeded, with a warning."""
+    form = {"options": json.dumps({"image_name": "in no file of regions"})}
+    answer = httpx.post(f"{running_service.url}/v1/jobs", files={"image": ("a.png", png())}, data=form)
     address = running_service.url + answer.headers["location"]
     while (ended := httpx.get(f"{address}?wait=30", timeout=40).json())["status"] in ("queued", "running"):
         pass
@@ -39,6 +41,14 @@ def test_the_sheets_are_all_on_the_screen_of_a_phone(browser: Browser, job: str,
             assert box["left"] >= 0
             assert box["right"] <= width
             page.evaluate(f"{menu}.open = false")
+
+
+def test_warnings_are_counted_where_they_can_be_looked_at(browser: Browser, job: str) -> None:
+    with browser.page(900, 700) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        title = page.evaluate("document.querySelector('#result-menu summary').textContent")
+        assert title == "Details · 1 warning"
 
 
 def test_the_form_lives_again_when_the_browser_goes_back_to_it(
@@ -70,9 +80,27 @@ def test_a_download_waits_for_a_file_that_is_being_made(
         page.open(f"{job}/view")
         page.wait_for("window.gcvec")
         page.evaluate(f"window.asked = 0; fetch = ({first})(fetch); 0")
-        page.evaluate("document.querySelector('#downloads a[href$=\".pdf\"]').click()")
+        link = "document.querySelector('#downloads a[href$=\".pdf\"]')"
+        summary = page.evaluate("document.getElementById('summary').textContent")
+        page.evaluate(f"{link}.click()")
+        page.evaluate(f"{link}.click()")
+        assert page.evaluate("document.getElementById('summary').textContent") == "Making the PDF…"
+        assert page.evaluate(f"{link}.ariaBusy") == "true"
         made = httpx.get(f"{job}/result.pdf")
         file = tmp_path / made.headers["content-disposition"].split('"')[1]
         eventually(file.exists, 30)
         eventually(lambda: file.read_bytes() == made.content)
         assert page.evaluate("asked") == 2
+        page.wait_for(f"{link}.ariaBusy === 'false'")
+        assert page.evaluate("document.getElementById('summary').textContent") == summary
+
+
+def test_a_download_that_takes_too_long_is_given_up(browser: Browser, job: str) -> None:
+    busy = "new Response('{}', { status: 409, headers: { 'Retry-After': '1' } })"
+    with browser.page(900, 700) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        page.evaluate(f"fetch = async () => {busy}; 0")
+        page.evaluate("document.querySelector('#downloads a[href$=\".glb\"]').click()")
+        page.evaluate("Date.now = ((real) => () => real() + 120_000)(Date.now); 0")
+        page.wait_for("document.getElementById('summary').textContent.includes('Try again later')")

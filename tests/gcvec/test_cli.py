@@ -232,6 +232,7 @@ def test_what_cannot_be_written_is_named(folder: Path) -> None:
         ("--target-mse", "nan"),
         ("--target-mse", "low"),
         ("--max-points", "-1"),
+        ("--max-points", str(2**63)),
         ("--snap", "-1"),
         ("--effort", "0"),
         ("--effort", "10"),

@@ -6,6 +6,7 @@ import httpx
 import pytest
 
 from tests.service.conftest import Jobs, serving
+from tests.service.test_submit import refused
 from worker import storage
 from worker.settings import Settings
 
@@ -19,12 +20,21 @@ def drawing(jobs: Jobs) -> str:
     return f"/v1/jobs/{job_id}/result.svg"
 
 
-@pytest.mark.parametrize("path", ["/livez", "/v1/jobs", "/v1/jobs/x", "/nothing", "/openapi.json"])
-def test_no_answer_is_guessed_at_framed_or_run(api: httpx.Client, path: str) -> None:
+@pytest.mark.parametrize(
+    ("path", "sources"),
+    [
+        *((path, "'none'") for path in ("/livez", "/v1/jobs", "/v1/jobs/x", "/nothing", "/openapi.json")),
+        *((path, "'self'") for path in ("/", "/v1/jobs/x/view")),
+    ],
+)
+def test_no_answer_is_guessed_at_framed_or_run(api: httpx.Client, path: str, sources: str) -> None:
     headers = api.get(path).headers
     assert headers["x-content-type-options"] == "nosniff"
-    assert headers["content-security-policy"] == "default-src 'none'; frame-ancestors 'none'"
     assert headers["referrer-policy"] == "no-referrer"
+    policy = headers["content-security-policy"]
+    assert {f"default-src {sources}", "frame-ancestors 'none'"} <= set(policy.split("; "))
+    assert "unsafe" not in policy
+    assert "script-src" not in policy
 
 
 def test_a_drawing_opened_by_itself_can_do_nothing(api: httpx.Client, drawing: str) -> None:
@@ -60,6 +70,11 @@ def test_pages_of_other_origins_are_let_in_by_setting_only(api: httpx.Client, se
         )
         assert allowed.status_code == 200
         assert allowed.headers["access-control-allow-origin"] == "https://app.example"
+        for name in ("Authorization", "Idempotency-Key", "If-None-Match", "If-Range", "Range"):
+            wanted = asked | {"Access-Control-Request-Headers": name}
+            assert client.options("/v1/jobs", headers=wanted).status_code == 200
+        for refusable in ({"Origin": "https://evil.example"}, {"Access-Control-Request-Headers": "X-Evil"}):
+            refused(client.options("/v1/jobs", headers=asked | refusable), 403, "forbidden")
         answer = client.get("/v1/jobs", headers={"Origin": "https://app.example"})
         assert answer.status_code == 401
         assert answer.headers["access-control-allow-origin"] == "https://app.example"
@@ -74,6 +89,8 @@ def test_the_client_is_served_file_by_file(api: httpx.Client) -> None:
         assert answer.status_code == 200
         assert answer.headers["content-type"].startswith(media_type)
         assert api.head(path).status_code == 200
-        assert api.get(path, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
+        again = api.get(path, headers={"If-None-Match": answer.headers["etag"]})
+        assert again.status_code == 304
+        assert answer.headers["cache-control"] == again.headers["cache-control"] == "no-cache"
     for path in ("/gcvec", "/gcvec/", "/%2e%2e/app.py", "/gcvec/..%2f..%2fapp.py"):
         assert api.get(path).status_code == 404

@@ -126,7 +126,8 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
             assert fleet.records.run(finish(ids[name], "failed", retention=3600, attempt=1, error=error))
         for name in ("canceled", "gone"):
             assert api.http.delete(f"/v1/jobs/{ids[name]}").status_code == 204
-        assert api.http.post(f"/v1/jobs/{ids['done']}/edits", json={}).status_code == 200
+        edits = {"recolors": [{"patch": 0, "color": "#203040"}]}
+        assert api.http.post(f"/v1/jobs/{ids['done']}/edits", json=edits).status_code == 200
         with requests.Session() as session:
             session.trust_env = False
             yield World(f"http://127.0.0.1:{api.port}", ids, session)

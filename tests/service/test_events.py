@@ -3,12 +3,17 @@ from __future__ import annotations
 import json
 import threading
 import time
-from typing import Any
+from typing import Any, NoReturn
 
 import httpx
+import pytest
+from redis.exceptions import RedisError
 
-from tests.service.conftest import Jobs
-from worker.records import claim, finish, report
+from service.jobs.repository import JobRepository
+from tests.conftest import client_of
+from tests.service.conftest import Jobs, serving
+from worker.records import claim, finish, record_key, report
+from worker.settings import Settings
 
 
 def parsed(text: str) -> list[dict[str, Any]]:
@@ -71,7 +76,8 @@ def test_a_listener_that_comes_back_gets_what_it_missed(api: httpx.Client, jobs:
     seen = events(api.get(path, headers={"Last-Event-ID": "3"}))
     assert [event.get("id") for event in seen] == [None, "4", "5", "6"]
     assert api.get(path, headers={"Last-Event-ID": "6"}).status_code == 204
-    assert api.get(path, headers={"Last-Event-ID": "x"}).status_code == 422
+    for unlikely in ("x", "-1", "1" + 30 * "0"):
+        assert api.get(path, headers={"Last-Event-ID": unlikely}).status_code == 422
 
 
 def test_a_stream_of_many_events_is_whole(api: httpx.Client, jobs: Jobs) -> None:
@@ -90,3 +96,53 @@ def test_deleting_a_job_ends_its_stream(api: httpx.Client, jobs: Jobs) -> None:
     *_, last = events(api.get(f"/v1/jobs/{job_id}/events"))
     deletion.join()
     assert last["data"]["status"] == "canceled"
+
+
+@pytest.mark.parametrize("ahead", [7, 2**53])
+def test_who_names_an_event_that_is_yet_to_come_gets_the_end_all_the_same(
+    api: httpx.Client, jobs: Jobs, ahead: int
+) -> None:
+    job_id = jobs.submit()
+    jobs.records.run(claim(job_id))
+    jobs.records.run(report(job_id, 1, [iteration(1), iteration(2)]))
+    end = threading.Timer(0.5, lambda: jobs.records.run(finish(job_id, "succeeded", retention=60)))
+    end.start()
+    headers = {"Last-Event-ID": str(ahead)}
+    seen = events(api.get(f"/v1/jobs/{job_id}/events", headers=headers, timeout=5))
+    end.join()
+    assert [event.get("id") for event in seen] == [None, "3"]
+
+
+def test_a_stream_ends_with_its_job_even_if_no_event_says_so(
+    api: httpx.Client, jobs: Jobs, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As when the server of the records was started again without its last second."""
+    monkeypatch.setattr("service.jobs.service._PING_SECONDS", 0.3)
+    job_id = jobs.submit()
+    record = record_key(job_id)
+    end = threading.Timer(0.5, lambda: client_of(settings.broker_url).hset(record, "status", "failed"))
+    end.start()
+    (only,) = events(api.get(f"/v1/jobs/{job_id}/events", timeout=5))
+    end.join()
+    assert only["event"] == "snapshot"
+
+
+def test_an_outage_ends_streams_and_is_told_of_once(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def away(*_: Any) -> NoReturn:
+        raise RedisError
+
+    monkeypatch.setattr("service.jobs.repository._RECONNECT_SECONDS", 0.1)
+    with caplog.at_level("INFO"), serving(settings) as client:
+        job_id = Jobs(client, settings).submit()
+        monkeypatch.setattr(JobRepository, "events", away)
+        (only,) = events(client.get(f"/v1/jobs/{job_id}/events"))
+        assert only["event"] == "snapshot"
+        connections = [entry["id"] for entry in client_of(settings.broker_url).client_list(_type="pubsub")]
+        monkeypatch.setattr("redis.asyncio.client.PubSub.subscribe", away)
+        for connection in connections:
+            client_of(settings.broker_url).client_kill_filter(_id=connection)
+        time.sleep(1)
+    assert len([text for text in caplog.messages if text.startswith("changes are not heard")]) == 1
+    assert not [record for record in caplog.records if record.exc_info]

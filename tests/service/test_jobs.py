@@ -133,11 +133,24 @@ def test_jobs_are_listed_newest_first_page_by_page(api: httpx.Client, jobs: Jobs
 
 @pytest.mark.parametrize(
     ("method", "path", "allowed"),
-    [("GET", "/v1/jobs/x/edits", "POST"), ("PUT", "/v1/jobs", "POST"), ("POST", "/app.js", "GET")],
+    [
+        ("GET", "/v1/jobs/x/edits", "POST"),
+        ("PUT", "/v1/jobs", "GET, POST"),
+        ("OPTIONS", "/v1/jobs", "GET, POST"),
+        ("POST", "/v1/jobs/x", "DELETE, GET, HEAD"),
+        ("DELETE", "/v1/jobs/x/revisions/1/result.gcv", "GET, HEAD"),
+        ("POST", "/app.js", "GET, HEAD"),
+        ("POST", "/docs", "GET, HEAD"),
+    ],
 )
 def test_a_method_that_an_address_does_not_know_is_refused(
     api: httpx.Client, method: str, path: str, allowed: str
 ) -> None:
     answer = api.request(method, path)
     refused(answer, 405, "method-not-allowed")
-    assert allowed in answer.headers["allow"]
+    assert answer.headers["allow"] == allowed
+
+
+def test_an_address_with_a_slash_too_many_is_another_one(api: httpx.Client) -> None:
+    for path in ("/v1/jobs/", "/v1/jobs/x/result/", "/docs/"):
+        refused(api.get(path), 404, "not-found")

@@ -22,6 +22,8 @@ MOVE = {"curve": 0, "index": 1, "dx": 1.5, "dy": 0}
         ({"recolors": [{"patch": 0}]}, "/body/recolors/0/color"),
         ({"paint": []}, "/body/paint"),
         ([], "/body"),
+        ({}, "/body"),
+        ({"moves": [], "recolors": [], "revision": 0}, "/body"),
     ],
 )
 def test_edits_that_make_no_sense_are_refused(

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from tests.conftest import client_of
-from tests.service.conftest import cvat, png, serving
+from tests.service.conftest import Jobs, cvat, png, serving
 from worker.settings import Settings
 
 IMAGE = ("a.png", png())
@@ -82,6 +82,7 @@ def test_unusable_uploads_are_refused(
         ('{"target_mse": NaN}', "/options"),
         ('{"target_mse": 1e999}', "/options/target_mse"),
         ('{"max_points": -1}', "/options/max_points"),
+        ('{"max_points": 9223372036854775808}', "/options/max_points"),
         ('{"snap": -1}', "/options/snap"),
         ('{"effort": 0}', "/options/effort"),
         ('{"max_points": 1.5}', "/options/max_points"),
@@ -95,6 +96,42 @@ def test_unusable_uploads_are_refused(
 def test_options_that_make_no_sense_are_refused(api: httpx.Client, options: str, pointer: str) -> None:
     answer = api.post("/v1/jobs", files={"image": IMAGE}, data={"options": options})
     assert refused(answer, 422, "bad-option")["pointer"] == pointer
+
+
+@pytest.mark.parametrize(
+    ("request_of", "detail"),
+    [
+        ({"data": {"image": "text"}}, "the part 'image' should be a file"),
+        (
+            {"files": {"image": IMAGE}, "data": {"annotations": "text"}},
+            "the part 'annotations' should be a file",
+        ),
+        ({"files": {"image": IMAGE, "options": ("o.json", b"{}")}}, "the part 'options' should be text"),
+        ({}, "the part 'image' is missing"),
+        ({"options": {"colour": 1}}, "there is no option 'colour'"),
+        ({"options": [1]}, "the options should be a JSON object"),
+        ({"options": {"strategy": "slow"}}, "the option 'strategy' should be 'batch' or 'paper'"),
+        ({"options": {"max_points": True}}, "the option 'max_points' should be a whole number"),
+        ({"options": {"max_points": "5"}}, "the option 'max_points' should be a whole number"),
+        ({"options": {"target_mse": "5"}}, "the option 'target_mse' should be a number"),
+        ({"options": {"snap": False}}, "the option 'snap' should be a number"),
+        ({"webhook": {"url": "https://a.example"}}, "the field 'secret' is missing"),
+    ],
+)
+def test_what_is_wrong_is_named_in_words(api: httpx.Client, request_of: dict[str, Any], detail: str) -> None:
+    texts = {part: json.dumps(value) for part, value in request_of.items() if part in ("options", "webhook")}
+    form = {"files": {"image": IMAGE}, "data": texts} if texts else request_of
+    answer = api.post("/v1/jobs", **form)
+    assert (answer.status_code, answer.json()["detail"]) == (422, detail)
+
+
+def test_whole_numbers_are_numbers_whatever_way_they_are_written(jobs: Jobs) -> None:
+    job = jobs.records.get(jobs.submit(target_mse=5, snap=2, max_points=300.0, regions=4))
+    assert job is not None
+    assert (
+        job.request["options"].items()
+        >= {"target_mse": 5, "snap": 2, "max_points": 300, "regions": 4}.items()
+    )
 
 
 def test_the_image_must_be_in_the_annotations_when_it_is_named(api: httpx.Client) -> None:

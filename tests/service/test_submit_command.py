@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NoReturn
 
 import httpx
 import pytest
+from redis.exceptions import RedisError
 
 from gcvec.cli._app import run
+from service import client
+from service.jobs.repository import JobRepository
+from tests.conftest import client_of
 from tests.servers import in_background
 from tests.service.conftest import cvat, png
+from worker.problems import problem
+from worker.records import ACTIVE, JobRecords, finish
+from worker.settings import Settings
 
 POLYGON = cvat(points="1,1;x,1;20,15")
 
@@ -78,3 +88,80 @@ def test_an_address_that_is_none_is_bad_input(
 ) -> None:
     assert repr(url) in said(capsys, url, "photo.png")
     assert not (folder / "out").exists()
+
+
+@pytest.fixture
+def meanwhile(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[float], None]], None]:
+    """Have something done where the client would pause for so many seconds."""
+    return lambda step: monkeypatch.setattr(client, "time", SimpleNamespace(sleep=step))
+
+
+async def nowhere(*_: object) -> NoReturn:
+    raise RedisError
+
+
+def job_of(settings: Settings) -> str:
+    (job_id,) = client_of(settings.broker_url).zrange(ACTIVE, 0, -1)
+    return str(job_id)
+
+
+def test_a_service_that_is_away_for_a_while_is_asked_again(
+    api: httpx.Client,
+    settings: Settings,
+    folder: Path,
+    meanwhile: Callable[..., None],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    find, asked, pauses = JobRepository.find, [], []
+
+    async def find_the_third_time(self: JobRepository, job_id: str) -> Any:
+        asked.append(job_id)
+        if len(asked) <= 2:
+            raise RedisError
+        return await find(self, job_id)
+
+    def end(seconds: float) -> None:
+        pauses.append(seconds)
+        if len(pauses) == 2:
+            reason = problem("time-limit", "it ran too long")
+            JobRecords(client_of(settings.broker_url)).run(
+                finish(job_of(settings), "failed", retention=60, error=reason)
+            )
+
+    monkeypatch.setattr(JobRepository, "find", find_the_third_time)
+    meanwhile(end)
+    line = said(capsys, str(api.base_url), "photo.png", code=1)
+    assert line == f"gcvec: {api.base_url}/v1/jobs/{asked[0]}: it ran too long"
+    assert pauses == [5, 5]
+
+
+def test_a_service_that_stays_away_is_given_up(
+    api: httpx.Client,
+    settings: Settings,
+    folder: Path,
+    meanwhile: Callable[..., None],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(JobRepository, "find", nowhere)
+    meanwhile(lambda _: None)
+    line = said(capsys, str(api.base_url), "photo.png", code=1)
+    assert line == f"gcvec: {api.base_url}/v1/jobs/{job_of(settings)}: the job records cannot be reached"
+
+
+def test_who_interrupts_learns_where_the_job_is(
+    api: httpx.Client,
+    settings: Settings,
+    folder: Path,
+    meanwhile: Callable[..., None],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupt(_: float) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(JobRepository, "find", nowhere)
+    meanwhile(interrupt)
+    line = said(capsys, str(api.base_url), "photo.png", code=130)
+    assert line.endswith(f"{api.base_url}/v1/jobs/{job_of(settings)}")

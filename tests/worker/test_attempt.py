@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import time
 import uuid
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from gcvec.progress import Progress
 from tests.conftest import client_of
 from worker.attempt import REPORT_SECONDS, Attempt
 from worker.keeper import StopError
-from worker.records import Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
+from worker.records import Call, Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
 
 
 @pytest.fixture
@@ -113,3 +114,65 @@ def test_an_outage_neither_slows_nor_fails_a_run_and_loses_no_event(
         assert client.xlen(events_key(job_id)) == 0
         line._client = client  # the server is back
         eventually(lambda: client.xlen(events_key(job_id)) == 20)
+
+
+def test_an_outage_is_told_of_when_it_begins_and_when_it_is_over(
+    broker_url: str,
+    records: JobRecords,
+    job_id: str,
+    caplog: pytest.LogCaptureFixture,
+    eventually: Callable[..., None],
+) -> None:
+    line = JobRecords(connect("redis://127.0.0.1:1/0", patient=False))
+    with (
+        caplog.at_level("INFO", "worker.attempt"),
+        Attempt(line, job_id, 1, seconds=60, retention=60) as attempt,
+    ):
+        attempt.on_progress(iteration(1))
+        time.sleep(5 * REPORT_SECONDS)
+        line._client = client_of(broker_url)  # the server is back
+        eventually(lambda: len(caplog.messages) > 1)
+    assert caplog.messages == [
+        f"job {job_id}: progress waits (ConnectionError)",
+        f"job {job_id}: progress waits no longer",
+    ]
+
+
+def test_events_that_come_while_others_are_sent_are_not_lost(
+    broker_url: str,
+    records: JobRecords,
+    job_id: str,
+    eventually: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As many wait as may, as after an outage."""
+    monkeypatch.setattr("worker.attempt.EVENTS_KEPT", 10)
+    client = client_of(broker_url)
+
+    class SlowLine(JobRecords):
+        def run(self, call: Call) -> int:
+            if not client.exists(events_key(job_id)):
+                for number in range(11, 16):
+                    attempt.on_progress(iteration(number))
+            return super().run(call)
+
+    with Attempt(SlowLine(client), job_id, 1, seconds=60, retention=60) as attempt:
+        for number in range(1, 11):
+            attempt.on_progress(iteration(number))
+        eventually(lambda: client.xlen(events_key(job_id)) == 15, 3)
+
+
+def test_the_oldest_events_make_room_in_a_long_outage(
+    broker_url: str, job_id: str, eventually: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("worker.attempt.EVENTS_KEPT", 10)
+    client = client_of(broker_url)
+    line = JobRecords(connect("redis://127.0.0.1:1/0", patient=False))
+    with Attempt(line, job_id, 1, seconds=60, retention=60) as attempt:
+        for number in range(1, 31):
+            attempt.on_progress(iteration(number))
+            time.sleep(0.02)
+        line._client = client  # the server is back
+        eventually(lambda: client.xlen(events_key(job_id)) == 10)
+    kept = [json.loads(entry["data"])["iteration"] for _, entry in client.xrange(events_key(job_id))]
+    assert kept == list(range(21, 31))

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -58,3 +59,19 @@ def test_people_read_plain_lines(capsys: pytest.CaptureFixture[str]) -> None:
     logging.getLogger("a.b").warning("told")
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(" WARNING a.b: told")
+
+
+def test_an_outage_is_told_of_once_a_minute(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(logs, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    outage = logs.Outage(logging.getLogger("worker"), "away", "back")
+    with caplog.at_level("INFO", "worker"):
+        outage.is_over()
+        for clock.now in range(0, 130, 5):
+            outage.goes_on(OSError())
+        outage.is_over()
+        outage.is_over()
+        outage.goes_on(OSError())
+    assert caplog.messages == [*["away (OSError)"] * 3, "back", "away (OSError)"]

@@ -78,3 +78,12 @@ def test_a_file_that_was_made_meanwhile_is_not_made_again(shop: Workshop, job_id
     assert file is not None
     assert job is not None
     assert job.bytes == file.size
+
+
+def test_a_job_is_said_to_be_removed_once(
+    shop: Workshop, job_id: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level("INFO", "worker.short_tasks"):
+        for _ in range(3):
+            short_tasks.remove_job(job_id)
+    assert len(caplog.messages) == 1

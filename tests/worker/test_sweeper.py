@@ -1,15 +1,18 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 import pytest
 import redis
 
 from tests.conftest import client_of
-from worker.app import JOBS_QUEUE, VECTORIZE, create_celery
-from worker.records import Job, JobRecords, claim, create, finish, lease_key
+from worker import sweeper as sweeping
+from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE, VECTORIZE, create_celery
+from worker.records import EXPIRY, Job, JobRecords, claim, create, finish, lease_key
 from worker.settings import Settings
 from worker.sweeper import Sweeper
+from worker.webhooks import DELIVERIES
 
 
 @pytest.fixture
@@ -40,6 +43,29 @@ def send(broker_url: str, *names: str) -> None:
     for name in names:
         queue.send_task(VECTORIZE, [name])
     queue.close()
+
+
+@pytest.fixture
+def queue(broker_url: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Have the sweeper send its messages to the tests' broker."""
+    celery = create_celery(Settings(broker_url=broker_url))
+    monkeypatch.setattr(sweeping, "app", celery)
+    yield
+    celery.close()
+
+
+@pytest.mark.usefixtures("queue")
+@pytest.mark.parametrize(
+    ("schedule", "name"), [(EXPIRY, SHORT_QUEUE), (DELIVERIES, HOOKS_QUEUE)], ids=["removals", "webhooks"]
+)
+def test_nothing_is_sent_again_and_again_while_nobody_takes_it(
+    client: redis.Redis, sweeper: Sweeper, schedule: str, name: str
+) -> None:
+    entries = [f"{number} succeeded" for number in range(300)]
+    for _ in range(5):
+        client.zadd(schedule, dict.fromkeys(entries, time.time() - 1))
+        sweeper.sweep()
+    assert client.llen(name) <= 201  # and one to tidy up
 
 
 def test_a_job_without_a_message_is_lost_after_a_while(records: JobRecords, sweeper: Sweeper) -> None:

@@ -81,7 +81,8 @@ export class WebGLPainter {
     if (!original) return;
     this.photo = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.photo);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, original);
+    const picture = fitted(original, gl.getParameter(gl.MAX_TEXTURE_SIZE));
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, picture);
     gl.generateMipmap(gl.TEXTURE_2D);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
@@ -132,6 +133,18 @@ export class WebGLPainter {
     gl.uniform3f(chosen.uniforms.place, place.scale, place.x, place.y);
     return chosen;
   }
+}
+
+/** A picture none of whose sides is longer: itself, or a smaller one. */
+function fitted(picture, side) {
+  const scale = side / Math.max(picture.width, picture.height);
+  if (scale >= 1) return picture;
+  const [width, height] = [picture.width, picture.height].map((length) => Math.max(1, Math.round(length * scale)));
+  const smaller = new OffscreenCanvas(width, height);
+  const context = smaller.getContext("2d");
+  context.imageSmoothingQuality = "high";
+  context.drawImage(picture, 0, 0, width, height);
+  return smaller;
 }
 
 function program(gl, sources) {

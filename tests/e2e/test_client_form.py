@@ -1,0 +1,79 @@
+"""The upload form in headless Chromium, on a service without workers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+import pytest
+
+from gcvec.options import LARGEST_COUNT, MOST_SNAP
+from tests.browser import Browser, Page
+from tests.service.conftest import Jobs, api, cvat, jobs, png, settings
+
+pytestmark = [pytest.mark.browser, pytest.mark.service]
+
+__all__ = ["api", "jobs", "settings"]
+
+
+def open_form(page: Page, api: httpx.Client, folder: Path) -> None:
+    """Open the form and choose a photo."""
+    (folder / "a.png").write_bytes(png())
+    page.open(f"{api.base_url}/")
+    page.choose_file("#image", folder / "a.png")
+
+
+def fill(page: Page, field: str, value: object) -> None:
+    page.evaluate(f"document.getElementById('{field}').value = '{value}'")
+
+
+def test_an_option_that_is_not_valid_is_shown(browser: Browser, api: httpx.Client, tmp_path: Path) -> None:
+    with browser.page(900, 700) as page:
+        open_form(page, api, tmp_path)
+        fill(page, "snap", -1)
+        page.evaluate("document.getElementById('submit').click()")
+        page.wait_for("document.querySelector('form details').open")
+        page.wait_for("document.activeElement.id === 'snap'")
+        fill(page, "snap", "")
+        page.evaluate("document.getElementById('submit').click()")
+        page.wait_for("location.pathname.endsWith('/view')")
+
+
+@pytest.mark.parametrize(
+    ("field", "values"),
+    [
+        ("target_mse", (0.01, 65_024)),
+        ("snap", (0, MOST_SNAP)),
+        ("max_points", (0, LARGEST_COUNT)),
+        ("regions", (0, LARGEST_COUNT)),
+    ],
+)
+def test_the_form_allows_what_the_engine_allows(
+    browser: Browser, api: httpx.Client, tmp_path: Path, field: str, values: tuple[float, float]
+) -> None:
+    with browser.page(900, 700) as page:
+        open_form(page, api, tmp_path)
+        for value in values:
+            fill(page, field, value)
+            assert page.evaluate("document.getElementById('form').checkValidity()"), value
+
+
+def test_a_photo_is_found_among_several(
+    browser: Browser, api: httpx.Client, jobs: Jobs, tmp_path: Path
+) -> None:
+    """The regions are those of photos under other names."""
+    first, second = (cvat(name).decode() for name in ("b.png", "c.png"))
+    image = second[second.index("<image ") : second.index("</annotations>")]
+    file = tmp_path / "regions.xml"
+    file.write_text(first.replace("</annotations>", f"{image}</annotations>"))
+    with browser.page(900, 700) as page:
+        open_form(page, api, tmp_path)
+        page.choose_file("#annotations", file)
+        page.evaluate("document.getElementById('submit').click()")
+        page.wait_for("!document.getElementById('error').hidden")
+        fill(page, "image_name", " c.png ")
+        page.evaluate("document.getElementById('submit').click()")
+        page.wait_for("location.pathname.endsWith('/view')")
+        job = jobs.records.get(page.evaluate("location.pathname").split("/")[3])
+    assert job is not None
+    assert job.request["image_name"] == "c.png"

@@ -1,0 +1,96 @@
+"""The page of a job that runs, in headless Chromium. The tests play the worker's part."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.browser import Browser, Page
+from tests.service.conftest import Jobs, api, jobs, settings
+from worker.problems import problem
+from worker.records import claim, finish, report
+
+pytestmark = [pytest.mark.browser, pytest.mark.service]
+
+__all__ = ["api", "jobs", "settings"]
+
+
+def iteration(number: int, mse: float | None) -> dict[str, Any]:
+    figures = {"iteration": number, "points": number, "worst_error": 8.0, "mse": mse, "fraction": 0.5}
+    return {"phase": "refine", "region": 1, "regions": 1, **figures}
+
+
+def begun(jobs: Jobs, *errors: float | None) -> str:
+    """A job that has come so far."""
+    job_id = jobs.submit()
+    assert jobs.records.run(claim(job_id)) == 1
+    steps = [iteration(number, mse) for number, mse in enumerate(errors, 1)]
+    for start in range(0, len(steps), 500):
+        assert jobs.records.run(report(job_id, 1, steps[start : start + 500]))
+    return job_id
+
+
+def text(page: Page, name: str) -> str:
+    return str(page.evaluate(f"document.getElementById('{name}').textContent"))
+
+
+def heights(page: Page) -> list[float]:
+    """The chart's points, from the left: how far below the top each is."""
+    path = page.evaluate("document.getElementById('errors').getAttribute('d')")
+    return [float(y) for y in re.findall(r"[ML]\S+ (\S+?)(?=[ML]|$)", path)]
+
+
+def test_what_has_happened_so_far_is_soon_drawn(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    n_steps = 9_000
+    job_id = begun(jobs, *(1000 / number for number in range(1, n_steps + 1)))
+    with browser.page(900, 700) as page:
+        page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+        page.wait_for(f"document.getElementById('iteration').textContent === '{n_steps}'", 10)
+        falling = heights(page)
+        assert 250 <= len(falling) <= 301
+        assert falling == sorted(falling)
+        assert (falling[0], falling[-1]) == (5, 85)
+        assert page.errors == []
+
+
+def failing(method: str, path: str) -> str:
+    """JavaScript that has the next two calls of a method to a path fail: a network's way, then a proxy's."""
+    broken = "away ? Promise.reject(new TypeError('away')) : new Response('<html>', { status: 502 })"
+    ours = f"(more?.method ?? 'GET') === '{method}' && String(url) === '{path}'"
+    step = f"(real) => (url, more) => {ours} && away && away-- ? {broken} : real(url, more)"
+    return f"window.away = 2; window.fetch = ({step})(fetch); 0"
+
+
+def test_an_outage_is_waited_for(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    job_id = begun(jobs, None)
+    with browser.page(900, 700) as page:
+        page.send("Page.addScriptToEvaluateOnNewDocument", source=failing("GET", f"/v1/jobs/{job_id}"))
+        page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+        page.wait_for("document.getElementById('summary').textContent.includes('does not answer')")
+        page.wait_for("!document.getElementById('progress').hidden")
+        assert text(page, "summary") == ""
+        page.evaluate("away = 2")
+        reason = problem("time-limit", "it took 900 s")
+        assert jobs.records.run(finish(job_id, "failed", retention=60, error=reason))
+        page.wait_for("!document.getElementById('problem').hidden")
+        assert page.evaluate("away") == 0
+        assert text(page, "problem-detail") == "it took 900 s"
+
+
+def test_a_cancellation_that_fails_is_said_to(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    job_id = begun(jobs, None)
+    with browser.page(900, 700) as page:
+        page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+        page.wait_for("!document.getElementById('progress').hidden")
+        page.evaluate(failing("DELETE", f"/v1/jobs/{job_id}"))
+        for cause in ("away", "HTTP 502"):
+            page.evaluate("document.getElementById('cancel').click()")
+            page.wait_for(f"document.getElementById('cancel-error').textContent === 'Not canceled: {cause}'")
+            assert page.evaluate("document.getElementById('cancel').disabled") is False
+            assert page.evaluate("document.getElementById('cancel-error').hidden") is False
+        page.evaluate("document.getElementById('cancel').click()")
+        page.wait_for("!document.getElementById('problem').hidden")
+        assert text(page, "problem-title") == "Canceled"
