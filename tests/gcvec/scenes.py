@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcvec import Annotations, Shape
+from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 from gcvec.borders.border import borders
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves.network_fit import fitted_network
@@ -138,6 +138,12 @@ SCENES = {
 
 
 @cache
+def vectorized(scene: str, target_mse: float = 5.0) -> VectorImage:
+    made = SCENES[scene]
+    return vectorize(made.picture(), made.annotations(), Options(target_mse=target_mse))
+
+
+@cache
 def foundation_of(scene: str, hard: bool = True) -> Foundation:
     """Curves, domains and S of a scene; every inner border hard, or soft."""
     labels = SCENES[scene].labels
@@ -156,3 +162,8 @@ def some_points(foundation: Foundation, n: int, seed: int = 0) -> np.ndarray:
     ys, xs = np.nonzero(room(foundation, 0.6))
     chosen = np.random.default_rng(seed).permutation(len(xs))[:n]
     return np.stack([xs, ys], axis=1)[np.sort(chosen)].astype(np.int64)
+
+
+def noise(height: int = 40, width: int = 50) -> np.ndarray:
+    """A picture that few points cannot follow, `(h, w, 3) uint8`."""
+    return np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)

@@ -22,7 +22,7 @@ from gcvec.parts.messages import (
 from gcvec.parts.part import refine_part
 from tests.gcvec.parts.test_messages import a_result
 from tests.gcvec.scenes import SCENES, Scene, voronoi
-from tests.gcvec.test_pipeline import assert_sound
+from tests.gcvec.soundness import assert_sound
 
 
 @dataclass(frozen=True)
