@@ -40,10 +40,6 @@ class Sampling:
     control: Ints
     weight: Floats
 
-    def of_curve(self, curve: int) -> slice:
-        """Where the samples of one curve are."""
-        return slice(int(self.starts[curve]), int(self.starts[curve + 1]))
-
 
 def sampling(family: SplineFamily, control_points: Floats) -> Sampling:
     """Sample curves: every segment in 2^k equal pieces, k as spacing and sagitta ask for.

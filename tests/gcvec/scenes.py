@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import shapely
 from scipy.spatial import KDTree
 
 from gcvec import Annotations, Options, Shape, VectorImage, vectorize
@@ -15,7 +16,6 @@ from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves.network_fit import fitted_network
 from gcvec.patches.canonical import Foundation, lay_unfolded_foundation
 from gcvec.quantization import Quantization
-from gcvec.refinement.clearance import room
 from gcvec.regions.components import connected_components
 
 FINE = 8
@@ -157,9 +157,20 @@ def no_points() -> np.ndarray:
     return np.zeros((0, 2), np.int64)
 
 
+def clear_of_edges(foundation: Foundation, distance: float) -> np.ndarray:
+    """Pixels `(h, w) bool` whose centres are at least so far from every polygon edge."""
+    network, samples = foundation.network, foundation.samples
+    y, x = np.mgrid[: network.height, : network.width] + 0.5
+    edges = shapely.STRtree(shapely.linestrings(samples.domain[samples.edge_ends]))
+    near, _ = edges.query(shapely.points(x.ravel(), y.ravel()), predicate="dwithin", distance=distance)
+    clear = np.ones(x.size, bool)
+    clear[near] = False
+    return clear.reshape(x.shape)
+
+
 def some_points(foundation: Foundation, n: int, seed: int = 0) -> np.ndarray:
-    """At most n random pixels that may carry control points, by rows."""
-    ys, xs = np.nonzero(room(foundation, 0.6))
+    """At most n random pixels well inside patches, by rows."""
+    ys, xs = np.nonzero(clear_of_edges(foundation, 0.6))
     chosen = np.random.default_rng(seed).permutation(len(xs))[:n]
     return np.stack([xs, ys], axis=1)[np.sort(chosen)].astype(np.int64)
 

@@ -8,8 +8,8 @@ from skimage import data
 
 from examples.scenes import vectorized_balls
 from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
-from gcvec.parts.crew import Alone
 from gcvec.progress import AFTER_RUNS, BEFORE_RUNS, GROWTH
+from tests.gcvec.crews import Alone
 from tests.gcvec.scenes import SCENES, Scene, noise, vectorized, voronoi
 from tests.gcvec.soundness import assert_sound
 
