@@ -13,6 +13,7 @@ from benchmarks.growth import exponent, grown
 from benchmarks.machine import description
 from benchmarks.plan import Plan
 from benchmarks.run import Outcome, Run
+from gcvec.timing import STAGES
 
 CONDITIONS = """\
 Photos are those of scikit-image, resampled to {size:g} megapixels unless said otherwise, with
@@ -43,8 +44,6 @@ anti-aliased picture."""
 
 LEAST_MEMORY = 1e6
 """Bytes beyond those of an idle engine: fewer vanish in what it has freed itself."""
-
-STAGES = ("regions", "boundary", "mesh_harmonic", "evaluation", "optimization", "encode", "total")
 
 
 def document(plan: Plan, run: Run) -> str:

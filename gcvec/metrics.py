@@ -16,8 +16,6 @@ from gcvec.ssim import ssim
 if TYPE_CHECKING:
     from gcvec.vector_image import VectorImage
 
-STAGES = ("total", "regions", "boundary", "mesh_harmonic", "evaluation", "optimization", "encode")
-
 
 @dataclass(frozen=True)
 class RegionReport:

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+STAGES = ("regions", "boundary", "mesh_harmonic", "evaluation", "optimization", "encode", "total")
+"""What every report times; a picture made in parts also has the time that they took, `parts`."""
+
 
 @dataclass
 class StageClock:

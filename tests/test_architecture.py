@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOLVERS = {"numba", "scipy", "skimage"}
-SLOW_TO_LOAD = SOLVERS | {"numpy", "fastapi", "celery", "pydantic", "typer", "rich"}
+SLOW_TO_LOAD = SOLVERS | {"numpy", "fastapi", "celery", "pydantic", "rich"}
 FORBIDDEN = {"gcvec": {"worker", "service"}, "worker": {"service"}}
 
 

@@ -1,4 +1,4 @@
-"""Integers and text as decisions: the bit length in unary, the sign, and the mantissa."""
+"""Integers as decisions: the bit length in unary, the sign, and the mantissa."""
 
 from __future__ import annotations
 

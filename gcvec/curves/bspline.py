@@ -104,17 +104,6 @@ def _blossom(control: Floats, u: float, v: float, w: float, closed: bool, out: F
 
 
 @kernel
-def _refine(control, closed):
-    m = len(control) if closed else len(control) - 3
-    n = 2 * m if closed else 2 * m + 3
-    out = np.empty((n, control.shape[1]))
-    for i in range(n):
-        u, v, w = knot(i + 1, 2 * m, closed), knot(i + 2, 2 * m, closed), knot(i + 3, 2 * m, closed)
-        _blossom(control, u / 2, v / 2, w / 2, closed, out[i])
-    return out
-
-
-@kernel
 def spline_bezier(control, closed, out):
     """Fill `(m, 4, d)` with the Bézier control points of the m segments."""
     for s in range(len(out)):
@@ -123,15 +112,6 @@ def spline_bezier(control, closed, out):
         _blossom(control, a, a, b, closed, out[s, 1])
         _blossom(control, a, b, b, closed, out[s, 2])
         _blossom(control, b, b, b, closed, out[s, 3])
-
-
-def refine(control: Floats, closed: bool = False) -> Floats:
-    """The same curve with every segment cut in half by knot insertion (Boehm); u doubles.
-
-    Exact: `evaluate(refine(P), 2 u) == evaluate(P, u)`. The new control points are values of the curve's
-    blossom at triples of new knots (Ramshaw 1989).
-    """
-    return np.asarray(_refine(np.ascontiguousarray(control, np.float64), closed))
 
 
 def bezier(control: Floats, closed: bool = False) -> Floats:

@@ -40,10 +40,6 @@ class Sampling:
     control: Ints
     weight: Floats
 
-    def of_curve(self, curve: int) -> slice:
-        """Where the samples of one curve are."""
-        return slice(int(self.starts[curve]), int(self.starts[curve + 1]))
-
 
 def sampling(family: SplineFamily, control_points: Floats) -> Sampling:
     """Sample curves: every segment in 2^k equal pieces, k as spacing and sagitta ask for.
@@ -65,6 +61,9 @@ def sampling(family: SplineFamily, control_points: Floats) -> Sampling:
     curve = np.repeat(owner, pieces)
     u = np.repeat(segment, pieces) + within / np.repeat(pieces, pieces)
     control, weight = family.basis(curve, u)
-    points = np.einsum("nk,nkd->nd", weight, control_points[control])
+    parts = weight[:, :, None] * control_points[control]
+    points = (
+        parts[:, 0] + parts[:, 1] + parts[:, 2] + parts[:, 3]
+    )  # the order that the file's format asks for
     starts = np.searchsorted(curve, np.arange(len(ends) + 1))
     return Sampling(starts, curve, u, points, control, weight)

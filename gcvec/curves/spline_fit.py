@@ -129,8 +129,12 @@ def _deviation(samples, distances, control, index, weight):
 
 
 @kernel
-def _fit(samples, distances, m, closed, sweeps, still):
-    """Control points and their deviation."""
+def fit_spline(samples, distances, m, closed, sweeps, still):
+    """Control points `(k, 2)` of a curve of m segments through samples `(n, 2)` after so many sweeps, and its
+    largest deviation as a share of `distances` `(n,)`.
+
+    Samples are parametrised by chord length. An open curve interpolates its first and last one.
+    """
     u = _chord_length(samples, float(m))
     control = _initial_polygon(samples, u, m, closed)
     index, weight = spline_basis(u, m, closed)
@@ -146,7 +150,7 @@ def _fit(samples, distances, m, closed, sweeps, still):
 @kernel
 def _fit_within(samples, distances, m, largest_m, closed):
     while True:
-        control, deviation = _fit(samples, distances, m, closed, SWEEPS, STILL)
+        control, deviation = fit_spline(samples, distances, m, closed, SWEEPS, STILL)
         if deviation <= 1 or m >= largest_m:
             return control
         m = min(max(m + 1, (5 * m) // 4), largest_m)
@@ -170,17 +174,6 @@ def _fit_all_within(samples, starts, distances, fewest, most, closed, first, las
     return control[:n], counts
 
 
-def fit(samples: Floats, segments: int, closed: bool = False, sweeps: int = 1000) -> Floats:
-    """Control points `(k, 2)` of the least-squares curve through `samples` by PIA, equations (4) and (5).
-
-    `samples` is `(n, 2)` in order, chord-length parametrised; an open curve interpolates its first and last
-    sample, a closed one expects the first sample repeated at the end.
-    """
-    exact = np.ascontiguousarray(samples, np.float64)
-    control, _ = _fit(exact, np.ones(len(exact)), segments, closed, sweeps, 1e-12)
-    return np.asarray(control)
-
-
 def fit_all_within(
     samples: Floats, starts: Ints, distances: Floats, segments: Ints, closed: NDArray[np.bool_]
 ) -> list[Floats]:
@@ -199,11 +192,3 @@ def fit_all_within(
     control = np.concatenate([own for own, _ in shares])
     counts = np.concatenate([own for _, own in shares])
     return np.split(control, np.cumsum(counts)[:-1])
-
-
-def fit_within(samples: Floats, distances: Floats | float, segments: int = 1, closed: bool = False) -> Floats:
-    """`fit_all_within` of one curve, with one distance for all samples or `(n,)`, one for each."""
-    exact = np.ascontiguousarray(samples, np.float64)
-    allowed = np.ascontiguousarray(np.broadcast_to(distances, len(exact)), np.float64)
-    ends = np.array([0, len(exact)])
-    return fit_all_within(exact, ends, allowed, np.array([segments]), np.array([closed]))[0]

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from gcvec.parts.division import Part, divided, part_of
 from gcvec.parts.messages import PartRequest, PartResult
-from gcvec.parts.part import refine_part
 from gcvec.refinement.batch import exchanges
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.rounding import Rounding
@@ -67,16 +66,6 @@ class Crew(Protocol):
     def __call__(self, requests: Sequence[PartRequest], pixels: NDArray[np.uint8]) -> Iterable[PartResult]:
         """The results of `gcvec.parts.part.refine_part` for all requests, in any order."""
         ...
-
-
-@dataclass(frozen=True)
-class Alone:
-    """A crew of nobody: the caller's own thread does one part after another."""
-
-    parts: int
-
-    def __call__(self, requests: Sequence[PartRequest], pixels: NDArray[np.uint8]) -> Iterable[PartResult]:
-        return [refine_part(request, pixels, lambda _: None) for request in requests]
 
 
 def refine_by(crew: Crew, scene: Scene, terms: Terms, on_step: Callable[[Step], None]) -> Start:

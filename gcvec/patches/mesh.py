@@ -135,14 +135,11 @@ def _dilated(taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(grown[:, :-2] | grown[:, 1:-1] | grown[:, 2:])
 
 
-def build_mesh(
-    network: Network, samples: BoundarySamples, points: NDArray[np.int64], *, free: bool = True
-) -> Mesh:
+def build_mesh(network: Network, samples: BoundarySamples, points: NDArray[np.int64]) -> Mesh:
     """The canonical mesh of a picture with control points at pixels `points` `(n, 2)`."""
     origin = network.origin or (0, 0)
     sites = np.concatenate([samples.domain, jitter(points, origin)])
-    if free:
-        sites = np.concatenate([sites, free_points(sites, network.width, network.height, origin)])
+    sites = np.concatenate([sites, free_points(sites, network.width, network.height, origin)])
     sides = network.sides[samples.segment_curve]
     triangles, patch = patch_triangulation(sites, samples.segments, sides, network.height)
     if network.origin is not None:

@@ -12,15 +12,15 @@ CLEARANCE = 0.15
 """Control points keep this far from the edges of their parameter polygon, pixels."""
 
 
-def room(foundation: Foundation, clearance: float = CLEARANCE) -> NDArray[np.bool_]:
-    """Pixels `(h, w)` whose centres keep `clearance` pixels from every polygon edge."""
+def room(foundation: Foundation) -> NDArray[np.bool_]:
+    """Pixels `(h, w)` whose centres keep their distance from every polygon edge."""
     network, samples = foundation.network, foundation.samples
     ends = samples.domain[samples.edge_ends]
-    return np.asarray(_clear_of(ends, network.width, network.height, clearance))
+    return np.asarray(_clear_of(ends, network.width, network.height))
 
 
 @kernel
-def _clear_of(edges, width, height, clearance):
+def _clear_of(edges, width, height):
     clear = np.ones((height, width), np.bool_)
     for e in range(len(edges)):
         ax, ay, bx, by = edges[e, 0, 0], edges[e, 0, 1], edges[e, 1, 0], edges[e, 1, 1]
@@ -33,6 +33,6 @@ def _clear_of(edges, width, height, clearance):
                 for x in range(max(mx - 2, 0), min(mx + 3, width)):
                     px, py = x + 0.5 - ax, y + 0.5 - ay
                     t = min(max((px * dx + py * dy) / square, 0.0), 1.0)
-                    if np.hypot(px - t * dx, py - t * dy) < clearance:
+                    if np.hypot(px - t * dx, py - t * dy) < CLEARANCE:
                         clear[y, x] = False
     return clear

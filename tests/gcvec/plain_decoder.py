@@ -1,10 +1,10 @@
-"""A decoder of decisions as `docs/format.md` describes it, in plain Python."""
+"""Decisions, integers, text and bitmaps as `docs/format.md` describes them, in plain Python."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 
 def squash_knots() -> list[int]:
@@ -51,14 +51,14 @@ class PlainDecoder:
 
 
 class PlainModel:
-    """What is learned about one kind of decision, in dictionaries."""
+    """What is learned about one kind of decision. Counters and rows may go by any names."""
 
     def __init__(self, inputs: int) -> None:
-        self.counters: defaultdict[int, tuple[int, int]] = defaultdict(lambda: (1 << 21, 0))
-        self.weights: defaultdict[int, list[int]] = defaultdict(lambda: [72000 // inputs] * 8)
-        self.corrections: defaultdict[int, list[int]] = defaultdict(lambda: list(KNOTS))
+        self.counters: defaultdict[Hashable, tuple[int, int]] = defaultdict(lambda: (1 << 21, 0))
+        self.weights: defaultdict[Hashable, list[int]] = defaultdict(lambda: [72000 // inputs] * 8)
+        self.corrections: defaultdict[Hashable, list[int]] = defaultdict(lambda: list(KNOTS))
 
-    def decision(self, decoder: PlainDecoder, counters: Sequence[int], row: int) -> int:
+    def decision(self, decoder: PlainDecoder, counters: Sequence[Hashable], row: Hashable) -> int:
         weights, corrections = self.weights[row], self.corrections[row]
         inputs = []
         for counter in counters:
@@ -77,11 +77,13 @@ class PlainModel:
             self.counters[counter] = probability, min(seen + 1, 255)
         return bit
 
-    def integer(self, decoder: PlainDecoder, sizes: Sequence[int], signs: Sequence[int], row: int) -> int:
-        """`sizes` and `signs` are where the blocks of counters of the contexts begin."""
+    def integer(
+        self, decoder: PlainDecoder, sizes: Sequence[Hashable], signs: Sequence[Hashable], row: Hashable
+    ) -> int:
+        """`sizes` and `signs` are names of contexts, `row` that of the 64 rows."""
 
-        def bit(contexts: Sequence[int], node: int) -> int:
-            return self.decision(decoder, [c + node for c in contexts], row + node)
+        def bit(contexts: Sequence[Hashable], node: int) -> int:
+            return self.decision(decoder, [(context, node) for context in contexts], (row, node))
 
         n = 0
         while n < 24 and bit(sizes, min(n, 15)):
@@ -106,18 +108,22 @@ def plain_class(value: int) -> int:
     return value if value < 4 else 4 * (length - 2) + ((value >> (length - 3)) & 3)
 
 
-def plain_sequence(data: bytes, count: int) -> list[int]:
+def plain_sign(value: int) -> int:
+    return 0 if value == 0 else 1 if value > 0 else 2
+
+
+def plain_sequence(decoder: PlainDecoder, count: int) -> list[int]:
     """The integers at the beginning of a file."""
-    decoder, model = PlainDecoder(data), PlainModel(inputs=2)
+    model = PlainModel(inputs=2)
     values = [0]
     for i in range(count):
-        sizes = [64 * min(i, 15), 64 * (16 + min(plain_class(abs(values[-1])), 63))]
-        values.append(model.integer(decoder, sizes, [0], 0))
+        sizes = [("place", min(i, 15)), ("before", min(plain_class(abs(values[-1])), 63))]
+        values.append(model.integer(decoder, sizes, [("place", 0)], "sizes"))
     return values[1:]
 
 
-def plain_text(data: bytes, count: int) -> bytes:
-    decoder, model, text = PlainDecoder(data), PlainModel(inputs=3), bytearray()
+def plain_text(decoder: PlainDecoder, count: int) -> bytes:
+    model, text = PlainModel(inputs=3), bytearray()
     for _ in range(count):
         node = 1
         while node < 256:
@@ -132,8 +138,8 @@ def plain_text(data: bytes, count: int) -> bytes:
     return bytes(text)
 
 
-def plain_bitmap(data: bytes, height: int, width: int) -> list[list[int]]:
-    decoder, model = PlainDecoder(data), PlainModel(inputs=5)
+def plain_bitmap(decoder: PlainDecoder, height: int, width: int) -> list[list[int]]:
+    model = PlainModel(inputs=5)
     bitmap = [[0] * width for _ in range(height)]
     column = [0] * (width + 2)
     for y in range(height):
@@ -160,8 +166,7 @@ def plain_bitmap(data: bytes, height: int, width: int) -> list[list[int]]:
                 128 * few + many,
                 32 * pattern + band,
             )
-            counters = [10_000 * k + number for k, number in enumerate(tables)]
-            bit = bitmap[y][x] = model.decision(decoder, counters, 32 * min(few, 23) + band)
+            bit = bitmap[y][x] = model.decision(decoder, list(enumerate(tables)), 32 * min(few, 23) + band)
             column[x + 1] += (bit * 2**14 - column[x + 1]) >> 4
             line += (bit * 2**14 - line) >> 4
     return bitmap

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import shapely
 from scipy.spatial import KDTree
 
-from gcvec import Annotations, Shape
+from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 from gcvec.borders.border import borders
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves.network_fit import fitted_network
 from gcvec.patches.canonical import Foundation, lay_unfolded_foundation
 from gcvec.quantization import Quantization
-from gcvec.refinement.clearance import room
 from gcvec.regions.components import connected_components
 
 FINE = 8
@@ -138,6 +138,12 @@ SCENES = {
 
 
 @cache
+def vectorized(scene: str, target_mse: float = 5.0) -> VectorImage:
+    made = SCENES[scene]
+    return vectorize(made.picture(), made.annotations(), Options(target_mse=target_mse))
+
+
+@cache
 def foundation_of(scene: str, hard: bool = True) -> Foundation:
     """Curves, domains and S of a scene; every inner border hard, or soft."""
     labels = SCENES[scene].labels
@@ -151,8 +157,24 @@ def no_points() -> np.ndarray:
     return np.zeros((0, 2), np.int64)
 
 
+def clear_of_edges(foundation: Foundation, distance: float) -> np.ndarray:
+    """Pixels `(h, w) bool` whose centres are at least so far from every polygon edge."""
+    network, samples = foundation.network, foundation.samples
+    y, x = np.mgrid[: network.height, : network.width] + 0.5
+    edges = shapely.STRtree(shapely.linestrings(samples.domain[samples.edge_ends]))
+    near, _ = edges.query(shapely.points(x.ravel(), y.ravel()), predicate="dwithin", distance=distance)
+    clear = np.ones(x.size, bool)
+    clear[near] = False
+    return clear.reshape(x.shape)
+
+
 def some_points(foundation: Foundation, n: int, seed: int = 0) -> np.ndarray:
-    """At most n random pixels that may carry control points, by rows."""
-    ys, xs = np.nonzero(room(foundation, 0.6))
+    """At most n random pixels well inside patches, by rows."""
+    ys, xs = np.nonzero(clear_of_edges(foundation, 0.6))
     chosen = np.random.default_rng(seed).permutation(len(xs))[:n]
     return np.stack([xs, ys], axis=1)[np.sort(chosen)].astype(np.int64)
+
+
+def noise(height: int = 40, width: int = 50) -> np.ndarray:
+    """A picture that few points cannot follow, `(h, w, 3) uint8`."""
+    return np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)

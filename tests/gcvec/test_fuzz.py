@@ -19,7 +19,7 @@ from gcvec.codec.integers import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_RO
 from gcvec.codec.mixing import fresh_model
 from gcvec.codec.range_coder import finish, writer
 from gcvec.codec.text import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
-from tests.gcvec.test_pipeline import vectorized
+from tests.gcvec.scenes import vectorized
 
 FILES = 10_000
 SCENES = ("pixel", "whole", "ring", "quadrants", "diagonal")

@@ -2,42 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 from skimage import data
 
 from examples.scenes import vectorized_balls
 from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
-from gcvec.metrics import compare
-from gcvec.parts.crew import Alone
 from gcvec.progress import AFTER_RUNS, BEFORE_RUNS, GROWTH
-from tests.gcvec.scenes import SCENES, Scene, voronoi
-
-
-@cache
-def vectorized(scene: str, target_mse: float = 5.0) -> VectorImage:
-    made = SCENES[scene]
-    return vectorize(made.picture(), made.annotations(), Options(target_mse=target_mse))
-
-
-def assert_sound(image: VectorImage, pixels: np.ndarray) -> None:
-    """No fold-over, and figures that are those of the picture it draws."""
-    assert image.foldovers == 0
-    report = image.report
-    assert report is not None
-    rendered = image.render()
-    assert rendered.shape == pixels.shape
-    assert report.mse == pytest.approx(((rendered.astype(float) - pixels) ** 2).mean(), abs=0.05)
-    assert report.mae == pytest.approx(np.abs(rendered.astype(float) - pixels).mean(), abs=0.05)
-    assert report.bytes == len(image.to_bytes())
-    assert report.points == len(image.points) == sum(region.points for region in report.regions)
-    assert report.patches == len(image.labels) == len(report.regions)
-    assert report.foldovers == 0
-    assert all((region.iterations > 0) >= (region.points > 0) for region in report.regions)
-    again = compare(pixels, VectorImage.from_bytes(image.to_bytes()), report.bytes)
-    assert (again.mse, again.ssim) == pytest.approx((report.mse, report.ssim))
+from tests.gcvec.crews import Alone
+from tests.gcvec.scenes import SCENES, Scene, noise, vectorized, voronoi
+from tests.gcvec.soundness import assert_sound
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -96,10 +70,6 @@ def test_flat_picture_needs_no_points() -> None:
     assert np.ptp(image.render(), axis=(0, 1)).max() == 0
     # Colours are stored in steps of four levels.
     np.testing.assert_allclose(image.render(), pixels, atol=4)
-
-
-def noise(height: int = 40, width: int = 50) -> np.ndarray:
-    return np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)
 
 
 @pytest.mark.parametrize("most", [1, 30])

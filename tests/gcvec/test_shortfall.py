@@ -9,13 +9,13 @@ import pytest
 from skimage import data
 
 from gcvec import Options, VectorImage, vectorize
-from tests.gcvec.scenes import SCENES
+from tests.gcvec.scenes import SCENES, noise
 
 SENTENCE = re.compile(r"the mean squared error stays at (\d+\.\d\d), above the target of ([\d.]+): (.+)")
 
 
-def noise(side: int = 40) -> np.ndarray:
-    return np.random.default_rng(3).integers(90, 170, (side, side, 3), dtype=np.uint8)
+def faint_noise(side: int = 40) -> np.ndarray:
+    return np.asarray(90 + noise(side, side) // 3)
 
 
 def told(image: VectorImage) -> tuple[float, float, str]:
@@ -28,7 +28,9 @@ def told(image: VectorImage) -> tuple[float, float, str]:
 
 @pytest.mark.parametrize("strategy", ["batch", "paper"])
 def test_full_regions_are_counted(strategy: str) -> None:
-    image = vectorize(noise(), None, Options(strategy=strategy, target_mse=20, max_points=25, regions=1))
+    image = vectorize(
+        faint_noise(), None, Options(strategy=strategy, target_mse=20, max_points=25, regions=1)
+    )
     assert image.report is not None
     error = image.report.mse_raw if strategy == "paper" else image.report.mse
     assert told(image) == (
@@ -50,7 +52,7 @@ def test_points_that_no_longer_help_are_named() -> None:
 
 
 def test_the_warning_is_part_of_the_description() -> None:
-    image = vectorize(noise(24), None, Options(target_mse=20, max_points=5, regions=1))
+    image = vectorize(faint_noise(24), None, Options(target_mse=20, max_points=5, regions=1))
     assert image.description()["warnings"] == list(image.warnings)
 
 
@@ -73,7 +75,7 @@ def test_found_regions_are_as_many_as_hold_the_points_needed() -> None:
 
 
 def test_a_file_that_cannot_grow_says_why() -> None:
-    image = vectorize(noise(), None, Options(target_bytes=20_000, max_points=25))
+    image = vectorize(faint_noise(), None, Options(target_bytes=20_000, max_points=25))
     (warning,) = image.warnings
     why = r"\d+ of \d+ regions hold the 25 control points that max_points allows"
     assert re.fullmatch(rf"the file takes \d+ of 20000 bytes, no more: {why}", warning)

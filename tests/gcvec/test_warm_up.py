@@ -22,7 +22,7 @@ from skimage import data
 
 from gcvec import Options, vectorize
 from gcvec.io import read_annotations
-from gcvec.parts.crew import Alone
+from tests.gcvec.crews import Alone
 
 drawn = read_annotations(Path("examples/sample/chelsea.xml").read_bytes(), picture_name="chelsea.png")
 

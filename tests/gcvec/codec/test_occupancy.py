@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gcvec.codec.mixing import fresh_model
 from gcvec.codec.occupancy import OCCUPANCY_COUNTERS, OCCUPANCY_INPUTS, OCCUPANCY_ROWS, code_occupancy
 from gcvec.codec.range_coder import finish, overrun, reader, writer
-from tests.gcvec.plain_decoder import plain_bitmap
+from tests.gcvec.plain_decoder import PlainDecoder, plain_bitmap
 
 
 def coded(bitmap: NDArray[np.uint8]) -> bytes:
@@ -33,7 +33,7 @@ def test_a_bitmap_is_read_as_the_format_says(share: float, size: tuple[int, int]
     bitmap = (np.random.default_rng(8).random(size) < share).astype(np.uint8)
     data = coded(bitmap)
     np.testing.assert_array_equal(decoded(data, *size), bitmap)
-    np.testing.assert_array_equal(np.array(plain_bitmap(data, *size)), bitmap)
+    np.testing.assert_array_equal(plain_bitmap(PlainDecoder(data), *size), bitmap)
 
 
 def test_clusters_cost_less_than_the_same_points_scattered() -> None:

@@ -24,7 +24,7 @@ from gcvec.curves.network import Network
 from gcvec.curves.network_fit import fitted_network
 from gcvec.patches.color_space import LEFT, RIGHT, color_space
 from gcvec.quantization import Quantization
-from tests.gcvec.scenes import SCENES
+from tests.gcvec.scenes import SCENES, noise
 
 RED, BLUE = np.array([0.8, 0.2, 0.1]), np.array([0.1, 0.3, 0.9])
 
@@ -153,12 +153,8 @@ def test_colours_stay_in_the_box() -> None:
     assert colors.max() > 0.98
 
 
-def noise(height: int, width: int) -> np.ndarray:
-    return np.random.default_rng(5).random((height, width, 3))
-
-
 def test_gradient_strength_equals_scikit_images() -> None:
-    picture = noise(20, 30)
+    picture = noise(20, 30) / 255
     magnitude = np.sqrt(sum(filters.sobel(picture[..., c]) ** 2 for c in range(3)) / 3)
     y, x = (k.ravel() for k in np.mgrid[:20, :30])
     expected = ndimage.uniform_filter(magnitude, 3)[y, x]
@@ -170,13 +166,13 @@ def test_medians_and_means_equal_numpys() -> None:
     group, values = np.append(rng.integers(0, 5, 60), np.arange(5)), rng.random(65)
     expected = [np.median(values[group == k]) for k in range(5)]
     np.testing.assert_allclose(medians(values, group, 5), expected)
-    picture, labels = noise(8, 9), rng.integers(0, 4, (8, 9)).astype(np.int32)
+    picture, labels = noise(8, 9) / 255, rng.integers(0, 4, (8, 9)).astype(np.int32)
     means = [picture[labels == k].mean(axis=0) for k in range(4)]
     np.testing.assert_allclose(mean_colors(picture, labels, 4), means)
 
 
 def test_colors_between_pixel_centres_equal_scipys() -> None:
-    picture = noise(8, 9)
+    picture = noise(8, 9) / 255
     places = np.random.default_rng(7).uniform([-1, -1], [10, 9], (50, 2))
     expected = [
         ndimage.map_coordinates(picture[..., c], places.T[::-1] - 0.5, order=1, mode="nearest")

@@ -1,4 +1,4 @@
-"""Curves against scipy's splines, and against themselves refined."""
+"""Curves against scipy's splines, and against their Bézier pieces."""
 
 from __future__ import annotations
 
@@ -40,17 +40,6 @@ def test_evaluation_equals_scipy(m: int, closed: bool, seed: int, d: int) -> Non
     control, u = random_curve(m, closed, seed, d)
     np.testing.assert_allclose(
         bspline.evaluate(control, u, closed), scipy_spline(control, closed)(u), atol=1e-12
-    )
-
-
-@settings(deadline=None)
-@curves
-def test_halving_the_segments_keeps_the_curve(m: int, closed: bool, seed: int, d: int) -> None:
-    control, u = random_curve(m, closed, seed, d)
-    finer = bspline.refine(control, closed)
-    assert bspline.segments_of(finer, closed) == 2 * bspline.segments_of(control, closed)
-    np.testing.assert_allclose(
-        bspline.evaluate(finer, 2 * u, closed), bspline.evaluate(control, u, closed), atol=1e-12
     )
 
 

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from gcvec.borders.border import borders
 from gcvec.borders.localize import localized
 from gcvec.borders.planar_graph import planar_graph
-from gcvec.curves import bspline, spline_fit
+from gcvec.curves import bspline
 from gcvec.curves.domain import (
     FINEST_LEVEL,
     crossing_curves,
@@ -25,6 +25,7 @@ from gcvec.curves.network_fit import fitted_network
 from gcvec.curves.sampling import SAGITTA, SPACING
 from gcvec.quantization import Quantization
 from gcvec.regions.components import connected_components
+from tests.gcvec.curves.single_splines import fit_within
 from tests.gcvec.scenes import SCENES, drawn, foundation_of
 
 GRID = Quantization().grid
@@ -114,7 +115,7 @@ def test_curves_that_share_a_node_do_not_cross() -> None:
 def circle(radius: float) -> Curve:
     angle = np.linspace(0, 2 * np.pi, 300)
     samples = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return Curve(spline_fit.fit_within(samples, 0.05, 8, closed=True), 0, 1, -1, -1)
+    return Curve(fit_within(samples, 0.05, 8, closed=True), 0, 1, -1, -1)
 
 
 def alone(curve: Curve) -> Network:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from gcvec.curves import bspline, spline_fit
+from tests.gcvec.curves.single_splines import fit, fit_within
 from tests.gcvec.curves.test_bspline import knots
 
 
@@ -38,7 +39,7 @@ def test_pia_converges_to_the_least_squares_fit(m: int) -> None:
     ends = design[:, [0, -1]] @ samples[[0, -1]]
     inner = np.linalg.lstsq(design[:, 1:-1], samples - ends, rcond=None)[0]
     expected = np.vstack([samples[:1], inner, samples[-1:]])
-    np.testing.assert_allclose(spline_fit.fit(samples, m, sweeps=200_000), expected, atol=1e-6)
+    np.testing.assert_allclose(fit(samples, m, sweeps=200_000), expected, atol=1e-6)
 
 
 def test_pia_error_falls_with_every_sweep_towards_least_squares() -> None:
@@ -46,7 +47,7 @@ def test_pia_error_falls_with_every_sweep_towards_least_squares() -> None:
     u = chord_parameters(samples, 6)
 
     def error(iterations: int) -> float:
-        fitted = spline_fit.fit(samples, 6, sweeps=iterations)
+        fitted = fit(samples, 6, sweeps=iterations)
         return float(((bspline.evaluate(fitted, u) - samples) ** 2).sum())
 
     errors = [error(n) for n in (0, 1, 3, 10, 30, 100, 1000)]
@@ -62,7 +63,7 @@ def test_closed_pia_converges_to_the_periodic_least_squares_fit() -> None:
     design = np.zeros((len(u), m))
     np.add.at(design, (np.arange(len(u))[:, None], index), weight)
     expected = np.linalg.lstsq(design, samples, rcond=None)[0]
-    np.testing.assert_allclose(spline_fit.fit(samples, m, closed=True, sweeps=100_000), expected, atol=1e-6)
+    np.testing.assert_allclose(fit(samples, m, closed=True, sweeps=100_000), expected, atol=1e-6)
 
 
 @settings(deadline=None, max_examples=40)
@@ -72,7 +73,7 @@ def test_fit_within_comes_as_close_as_asked(n: int, seed: int, distance: float) 
     samples = np.concatenate([[[0, 0]], np.cumsum(np.stack([1 - steps, steps], axis=1), axis=0)]).astype(
         float
     )
-    control = spline_fit.fit_within(samples, distance)
+    control = fit_within(samples, distance)
     m = bspline.segments_of(control, closed=False)
     np.testing.assert_array_equal(control[[0, -1]], samples[[0, -1]])
     deviation = np.hypot(*(bspline.evaluate(control, chord_parameters(samples, m)) - samples).T).max()
@@ -82,7 +83,7 @@ def test_fit_within_comes_as_close_as_asked(n: int, seed: int, distance: float) 
 def test_fit_within_spends_few_segments_on_a_smooth_curve() -> None:
     angle = np.linspace(0, 2 * np.pi, 400)
     circle = 50 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    assert bspline.segments_of(spline_fit.fit_within(circle, 0.5, closed=True), closed=True) <= 8
+    assert bspline.segments_of(fit_within(circle, 0.5, closed=True), closed=True) <= 8
 
 
 def slow_fit(samples: np.ndarray, importance: np.ndarray, m: int, closed: bool) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from skimage import data
 
 from gcvec import Annotations, Options, Progress, Shape, VectorImage, vectorize
-from gcvec.parts.crew import Alone, Crew, common_goals
+from gcvec.parts.crew import Crew, common_goals
 from gcvec.parts.messages import (
     PartRequest,
     PartResult,
@@ -20,9 +20,10 @@ from gcvec.parts.messages import (
     result_from,
 )
 from gcvec.parts.part import refine_part
+from tests.gcvec.crews import Alone
 from tests.gcvec.parts.test_messages import a_result
 from tests.gcvec.scenes import SCENES, Scene, voronoi
-from tests.gcvec.test_pipeline import assert_sound
+from tests.gcvec.soundness import assert_sound
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,17 @@ def test_jitter_stays_within_a_twentieth_of_a_pixel_and_differs_everywhere() -> 
     np.testing.assert_array_equal(jitter(pixels[5:6]), jitter(pixels)[5:6])
 
 
+@given(x=st.integers(0, 2**26), y=st.integers(0, 2**26))
+def test_jitter_is_the_hash_of_the_format(x: int, y: int) -> None:
+    h = (x * 0x9E3779B1 + y * 0x85EBCA77) % 2**32
+    h = (h ^ (h >> 15)) * 0x2C1B3C6D % 2**32
+    h = (h ^ (h >> 12)) * 0x297A2D39 % 2**32
+    h ^= h >> 15
+    across, down = (h & 0xFFFF) / 65536 - 0.5, (h >> 16) / 65536 - 0.5
+    expected = [[x + 0.5 + 0.1 * across, y + 0.5 + 0.1 * down]]
+    np.testing.assert_array_equal(jitter(np.array([[x, y]])), expected)
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_triangles_are_positive_and_fill_each_domain(scene: str) -> None:
     foundation = foundation_of(scene)

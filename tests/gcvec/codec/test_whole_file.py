@@ -1,0 +1,82 @@
+"""Curves, their colours, and those of points: what a decoder written from the format's page alone reads."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcvec import VectorImage
+from gcvec.codec.colors import from_coordinates
+from gcvec.codec.file import GRAY, decode, encode, predicted_colors
+from gcvec.patches.color_space import LEFT, RIGHT
+from tests.gcvec.plain_file import PlainFile, plain_file
+from tests.gcvec.scenes import vectorized
+
+LEAF = Path(__file__).parents[2] / "data" / "leaf.gcv"
+
+
+@cache
+def file_of(name: str) -> bytes:
+    return LEAF.read_bytes() if name == "leaf" else encode(vectorized(name))
+
+
+@cache
+def both(name: str) -> tuple[VectorImage, PlainFile]:
+    return decode(file_of(name)), plain_file(file_of(name))
+
+
+every = pytest.mark.parametrize("name", ["leaf", "nested", "needles"])
+
+
+@every
+def test_sizes_labels_and_topology_are_as_the_format_says(name: str) -> None:
+    image, plain = both(name)
+    assert (plain.width, plain.height, tuple(plain.labels)) == (image.width, image.height, image.labels)
+    assert plain.curves == [
+        (curve.left, curve.right, curve.start, curve.end, curve.level, curve.segments, hard)
+        for curve, hard in zip(image.curves, image.hard, strict=True)
+    ]
+
+
+@every
+def test_control_points_are_as_the_format_says(name: str) -> None:
+    image, plain = both(name)
+    reference = np.concatenate([curve.control_points for curve in image.network.curves])
+    np.testing.assert_array_equal(np.concatenate(plain.reference), reference)
+    assert (plain.moved is None) == (image.control_points is None) == (name != "leaf")
+    if plain.moved is not None:
+        np.testing.assert_array_equal(np.concatenate(plain.moved), image.control_points)
+
+
+@every
+def test_boundary_colors_are_as_the_format_says(name: str) -> None:
+    image, plain = both(name)
+    offsets, unknown = image.foundation.samples.offsets, image.foundation.space.of_control
+    seen = set()
+    for (c, side), coordinates in plain.boundary_colors.items():
+        own = unknown[RIGHT if side == "right" else LEFT, offsets[c] : offsets[c + 1]]
+        colors = GRAY + from_coordinates(np.array(coordinates), image.quantization.boundary)
+        np.testing.assert_array_equal(colors, image.boundary_colors[own])
+        seen.update(own.tolist())
+    assert seen == set(range(len(image.boundary_colors)))
+
+
+@every
+def test_points_and_their_colors_are_as_the_format_says(name: str) -> None:
+    image, plain = both(name)
+    np.testing.assert_array_equal(np.array(plain.points).reshape(-1, 2), image.points)
+    base = predicted_colors(image.foundation, image.boundary_colors, image.points)
+    coordinates = np.array(plain.point_colors(image.patch_of_points.tolist()))
+    assert len(coordinates) > 20
+    colors = base + from_coordinates(coordinates, image.quantization.point)
+    np.testing.assert_array_equal(colors, image.point_colors)
+
+
+def test_coordinates_mean_the_colors_that_the_format_says() -> None:
+    axes = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
+    coordinates = np.array([[5, -7, 40], [-1, 300, 2]])
+    expected = 3 / 1020 * coordinates @ axes / 16
+    np.testing.assert_allclose(from_coordinates(coordinates, 3 / 1020), expected, rtol=1e-12)
