@@ -30,7 +30,11 @@ def limits() -> Limits:
 
 
 def _positive(variable: str) -> int:
-    text = os.environ[variable].strip()
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
+    text = os.environ[variable]
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
         raise InputError(f"{variable}: must be a whole number above 0, not {text!r}", code="bad-option")
-    return int(text)
+    return value

@@ -70,7 +70,8 @@ def test_a_wrong_limit_is_named(
 def test_limits_are_those_of_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
     assert limits() == service_limits(Settings()) == DEFAULT_LIMITS
     for number, variable in enumerate(VARIABLES.values(), start=7):
-        monkeypatch.setenv(variable, str(number))
+        monkeypatch.setenv(variable, f"{number}_000")
+    assert limits().max_pixels == 7000
     assert limits() == service_limits(Settings())
 
 
