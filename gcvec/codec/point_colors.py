@@ -32,6 +32,9 @@ _NUGGET = 0.02
 """The covariance of points d pixels apart is 1 / (1 + d / 20), which is one in the plane since it is a
 mixture of exponentials; each has noise of 0.02 on top."""
 
+_KRIGED_SCALE = 5.0
+"""Steps in a unit of the kriged value as a feature: it is larger than the others, which are differences."""
+
 _BASE_WEIGHT = 455
 """Weight of no difference at all among neighbours, whose own is 2^16 over their square distance."""
 
@@ -274,7 +277,7 @@ def _predict(
         features[0] = result[near[0], axis] / FRACTION - kriged
         features[1] = average[axis] / FRACTION - kriged
         features[2] = steps[near[0], axis]
-        features[3] = kriged / 5.0
+        features[3] = kriged / _KRIGED_SCALE
     if n > 1:
         features[4] = steps[near[1], axis]
     for b in range(axis):
