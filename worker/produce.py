@@ -64,7 +64,7 @@ def produce(
     artifacts = {
         "gcv": encoded,
         "result": json.dumps({**result.description(), "warnings": warnings}).encode(),
-        "report": json.dumps(report.as_dict()).encode(),
+        "report": json.dumps({**report.as_dict(), "warnings": warnings}).encode(),
         "preview": png(result.picture),
         "error": png(error_map(picture.pixels, result)),
         "patches": png(patch_overlay(result)),

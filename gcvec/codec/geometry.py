@@ -25,6 +25,9 @@ _FEATURES = 4
 _SCALE = 8.0
 """Grid steps in a unit of the features of a prediction."""
 
+_ONWARD, _HOMEWARD = 0.6, 0.4
+"""Shares, in the step ahead, of the step before and of the straight way to the end: a curve has to arrive."""
+
 
 @bare_kernel
 def _code_coordinate(
@@ -79,7 +82,7 @@ def code_geometry(coder: Coder, model: Model, table: Ints, offsets: Ints, nodes:
                 features[:] = 0.0
                 if start >= 0:
                     toward = (nodes[end, axis] - last[axis]) / (count - i + 1)
-                    ahead = toward if i == 0 else 0.6 * ahead + 0.4 * toward
+                    ahead = toward if i == 0 else _ONWARD * ahead + _HOMEWARD * toward
                     features[0] = (toward - ahead) / _SCALE
                 if i > 0:
                     features[1] = earlier[axis] / _SCALE

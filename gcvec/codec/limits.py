@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.borders.planar_graph import OUTSIDE
-from gcvec.codec.topology import END, LEFT, LEVEL, RIGHT, SEGMENTS, START
+from gcvec.codec.topology import END, LEFT_PATCH, LEVEL, RIGHT_PATCH, SEGMENTS, START
 from gcvec.curves.domain import FINEST_LEVEL
 from gcvec.quantization import Quantization
 
@@ -63,7 +63,7 @@ def check_text(n_bytes: int, stream: int) -> None:
 
 def check_topology(table: Ints, n_nodes: int, n_patches: int, stream: int) -> None:
     """The table of curves `(c, 7)`."""
-    sides = table[:, [LEFT, RIGHT]]
+    sides = table[:, [LEFT_PATCH, RIGHT_PATCH]]
     demand(((sides >= OUTSIDE) & (sides < n_patches)).all(), "a curve beside an unknown patch")
     demand((sides[:, 0] != sides[:, 1]).all(), "a curve with the same patch on both sides")
     ends = table[:, [START, END]]

@@ -32,6 +32,9 @@ _NUGGET = 0.02
 """The covariance of points d pixels apart is 1 / (1 + d / 20), which is one in the plane since it is a
 mixture of exponentials; each has noise of 0.02 on top."""
 
+_KRIGED_SCALE = 5.0
+"""Steps in a unit of the kriged value as a feature: it is larger than the others, which are differences."""
+
 _BASE_WEIGHT = 455
 """Weight of no difference at all among neighbours, whose own is 2^16 over their square distance."""
 
@@ -63,6 +66,29 @@ class Neighborhoods(NamedTuple):
     near: Ints
     square: Ints
     share: Floats
+
+
+class Surroundings(NamedTuple):
+    """What is known around one point.
+
+    known      how many neighbours there are
+    near       (6,) int64, which ones
+    square     (6,) int64, their square distances
+    share      (6,) float64, their weights in the best linear prediction
+    closeness  (6,) int64, 2^16 over their square distances
+    average    (3,) int64, of their coordinates by closeness, in sixteenths of a step
+    activity   (3,) int64, how far they are from their own predictions, in quarters of a step
+    spread     (3,) int64, how far they are from their average, in quarters of a step
+    """
+
+    known: int
+    near: Ints
+    square: Ints
+    share: Floats
+    closeness: Ints
+    average: Ints
+    activity: Ints
+    spread: Ints
 
 
 def neighborhoods(points: Ints, patch: Ints, height: int, width: int) -> Neighborhoods:
@@ -108,15 +134,24 @@ def code_point_colors(
     average, activity, spread = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3, np.int64)
     features, gain, power = np.zeros(_FEATURES), np.zeros((3, _FEATURES)), np.ones((3, _FEATURES))
     for i in range(len(points)):
-        n, near, square, share = around.known[i], around.near[i], around.square[i], around.share[i]
-        _survey(near, square, n, result, steps, closeness, average, activity, spread)
+        nearby = Surroundings(
+            around.known[i],
+            around.near[i],
+            around.square[i],
+            around.share[i],
+            closeness,
+            average,
+            activity,
+            spread,
+        )
+        _survey(nearby, result, steps)
         x, y = points[i, 0], points[i, 1]
         dense, pattern = min(_count(occupied, x, y) // 3, 15), _pattern(occupied, x, y)
         block = (y >> _BLOCK_BITS) * ((width >> _BLOCK_BITS) + 1) + (x >> _BLOCK_BITS)
         for axis in range(3):
-            prediction = _predict(near, closeness, share, n, result, steps, average, i, axis, gain, features)
-            _choose_sizes(model, axis, block, pattern, dense, square, n, steps[i], activity, spread, patch[i])
-            _choose_signs(model, axis, near, n, result, steps, i, patch[i], prediction)
+            prediction = _predict(nearby, result, steps, i, axis, gain, features)
+            _choose_sizes(model, axis, nearby, steps[i], block, pattern, dense, patch[i])
+            _choose_signs(model, axis, nearby, result, steps, i, patch[i], prediction)
             row = axis * _AXIS_ROWS + min(size_class(activity[axis]) >> 2, _SELECTORS - 1) * NODES
             offer = rounded(wanted[i, axis] - prediction / FRACTION, activity[axis] / 4)
             step = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, row, offer)
@@ -195,34 +230,24 @@ def _krige(points: Ints, near: Ints, square: Ints, n: int, covariance: Floats, s
 
 
 @bare_kernel
-def _survey(
-    near: Ints,
-    square: Ints,
-    n: int,
-    result: Ints,
-    steps: Ints,
-    closeness: Ints,
-    average: Ints,
-    activity: Ints,
-    spread: Ints,
-) -> None:
-    """What the neighbours are like, for every axis: their average by `closeness`, in sixteenths of a step,
-    and in quarters of one how far they are from their own predictions, and from that average.
-    """
+def _survey(nearby: Surroundings, result: Ints, steps: Ints) -> None:
+    """Find out, for every axis, what the neighbours are like."""
+    near, closeness = nearby.near, nearby.closeness
     total = _BASE_WEIGHT
-    for k in range(n):
-        closeness[k] = (1 << 16) // square[k]
+    for k in range(nearby.known):
+        closeness[k] = (1 << 16) // nearby.square[k]
         total += closeness[k]
     for axis in range(3):
         weighted, surprise, away = 0, 0, 0
-        for k in range(n):
+        for k in range(nearby.known):
             weighted += closeness[k] * result[near[k], axis]
             surprise += closeness[k] * abs(steps[near[k], axis])
-        average[axis] = weighted // total
-        activity[axis] = 4 * surprise // total if n else _UNKNOWN_ACTIVITY
-        for k in range(n):
-            away += closeness[k] * abs(result[near[k], axis] - average[axis])
-        spread[axis] = away // (total * (FRACTION // 4))
+        average = weighted // total
+        for k in range(nearby.known):
+            away += closeness[k] * abs(result[near[k], axis] - average)
+        nearby.average[axis] = average
+        nearby.activity[axis] = 4 * surprise // total if nearby.known else _UNKNOWN_ACTIVITY
+        nearby.spread[axis] = away // (total * (FRACTION // 4))
 
 
 @bare_kernel
@@ -252,29 +277,20 @@ def _pattern(occupied: NDArray[np.uint8], x: int, y: int) -> int:
 
 @bare_kernel
 def _predict(
-    near: Ints,
-    closeness: Ints,
-    share: Floats,
-    n: int,
-    result: Ints,
-    steps: Ints,
-    average: Ints,
-    i: int,
-    axis: int,
-    gain: Floats,
-    features: Floats,
+    nearby: Surroundings, result: Ints, steps: Ints, i: int, axis: int, gain: Floats, features: Floats
 ) -> int:
     """The prediction of one coordinate, in sixteenths of a step, and the `features` it is corrected by."""
+    n, near, closeness = nearby.known, nearby.near, nearby.closeness
     kriged = 0.0
     for k in range(n):
-        kriged += share[k] * result[near[k], axis]
+        kriged += nearby.share[k] * result[near[k], axis]
     kriged /= FRACTION
     features[:] = 0.0
     if n > 0:
         features[0] = result[near[0], axis] / FRACTION - kriged
-        features[1] = average[axis] / FRACTION - kriged
+        features[1] = nearby.average[axis] / FRACTION - kriged
         features[2] = steps[near[0], axis]
-        features[3] = kriged / 5.0
+        features[3] = kriged / _KRIGED_SCALE
     if n > 1:
         features[4] = steps[near[1], axis]
     for b in range(axis):
@@ -294,14 +310,11 @@ def _predict(
 def _choose_sizes(
     model: Model,
     axis: int,
+    nearby: Surroundings,
+    own: Ints,
     block: int,
     pattern: int,
     dense: int,
-    square: Ints,
-    n: int,
-    own: Ints,
-    activity: Ints,
-    spread: Ints,
     patch: int,
 ) -> None:
     """Choose the contexts for the size of a difference; `own` are the point's steps on the axes before."""
@@ -309,12 +322,13 @@ def _choose_sizes(
     for b in range(axis):
         before = abs(own[b]) + before // 2
     before = min(size_class(4 * before) >> 1, 11)
+    activity = nearby.activity
     whole = min(size_class(activity[0] + activity[1] + activity[2]) >> 1, 15)
-    distance = min(size_class(square[0]), 15) if n > 0 else 15
+    distance = min(size_class(nearby.square[0]), 15) if nearby.known > 0 else 15
     slots = model.slots
     slots[0] = block % _CONTEXT_SIZE
     slots[1] = whole * 12 + before
-    slots[2] = min(size_class(spread[axis]), 27) * 16 + distance
+    slots[2] = min(size_class(nearby.spread[axis]), 27) * 16 + distance
     slots[3] = pattern
     slots[4] = dense * 16 + distance
     slots[5] = min(patch, 63) * 6 + before // 2
@@ -325,8 +339,7 @@ def _choose_sizes(
 def _choose_signs(
     model: Model,
     axis: int,
-    near: Ints,
-    n: int,
+    nearby: Surroundings,
     result: Ints,
     steps: Ints,
     i: int,
@@ -334,6 +347,7 @@ def _choose_signs(
     prediction: int,
 ) -> None:
     """Choose the contexts for the sign of a difference: where the nearest point is, and other signs."""
+    n, near = nearby.known, nearby.near
     first = steps[near[0], axis] if n > 0 else 0
     second = steps[near[1], axis] if n > 1 else 0
     beyond = (result[near[0], axis] if n > 0 else 0) - prediction

@@ -12,6 +12,12 @@ Floats = NDArray[np.float64]
 FURTHEST = 1 << 30
 """Predictions, and what is predicted, stay within this, whatever a file says."""
 
+_RATE = 0.15
+"""How much of what was missing a coefficient takes up."""
+
+_CAUTION, _OUTLIER, _START = 30.0, 10.0, 10.0
+"""What makes steps small: features that have been large, one that is large now, and any at first."""
+
 
 @bare_kernel
 def nearest_integer(value: float) -> int:
@@ -38,4 +44,5 @@ def learn(gain: Floats, power: Floats, features: Floats, missing: float) -> None
     for f in range(len(features)):
         value = features[f]
         power[f] += value * value
-        gain[f] += 0.15 * missing * value / (30.0 * np.sqrt(power[f]) + 10.0 * value * value + 10.0)
+        small = _CAUTION * np.sqrt(power[f]) + _OUTLIER * value * value + _START
+        gain[f] += _RATE * missing * value / small

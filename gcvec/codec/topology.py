@@ -12,7 +12,7 @@ from gcvec.kernels import bare_kernel, kernel
 
 Ints = NDArray[np.int64]
 
-LEFT, RIGHT, START, END, LEVEL, SEGMENTS, HARD = range(7)
+LEFT_PATCH, RIGHT_PATCH, START, END, LEVEL, SEGMENTS, HARD = range(7)
 """Columns of the table of curves."""
 
 _GOES_ON, _CLOSED, _NEW_START, _NEW_END, _IS_HARD = range(5)
@@ -57,15 +57,20 @@ def code_topology(coder: Coder, model: Model, table: Ints) -> None:
     segments, hard, went_on = 0, 0, 0
     for c in range(len(table)):
         goes_on = (
-            table[c, START] == node and table[c, LEFT] == left and table[c, RIGHT] == right and node >= 0
+            table[c, START] == node
+            and table[c, LEFT_PATCH] == left
+            and table[c, RIGHT_PATCH] == right
+            and node >= 0
         )
         framed = 1 if left < 0 or right < 0 else 0
         goes_on = _code_flag(coder, model, _GOES_ON, 2 * went_on + framed, 1 if goes_on else 0) == 1
         if not goes_on:
-            table[c, LEFT] = left + _code_number(coder, model, _STEP_LEFT, framed, table[c, LEFT] - left)
-            moved = min(abs(table[c, LEFT] - left), 3)
-            table[c, RIGHT] = right + _code_number(
-                coder, model, _STEP_RIGHT, 4 * framed + moved, table[c, RIGHT] - right
+            table[c, LEFT_PATCH] = left + _code_number(
+                coder, model, _STEP_LEFT, framed, table[c, LEFT_PATCH] - left
+            )
+            moved = min(abs(table[c, LEFT_PATCH] - left), 3)
+            table[c, RIGHT_PATCH] = right + _code_number(
+                coder, model, _STEP_RIGHT, 4 * framed + moved, table[c, RIGHT_PATCH] - right
             )
             closed = _code_flag(coder, model, _CLOSED, 0, 1 if table[c, START] < 0 else 0)
             if closed:
@@ -74,12 +79,12 @@ def code_topology(coder: Coder, model: Model, table: Ints) -> None:
                 table[c, START] = _code_node(coder, model, _NEW_START, table[c, START], next_node)
                 next_node = max(next_node, table[c, START] + 1)
         else:
-            table[c, LEFT], table[c, RIGHT], table[c, START] = left, right, node
+            table[c, LEFT_PATCH], table[c, RIGHT_PATCH], table[c, START] = left, right, node
         if table[c, START] >= 0:
             table[c, END] = _code_node(coder, model, _NEW_END, table[c, END], next_node)
             next_node = max(next_node, table[c, END] + 1)
         went_on = 1 if goes_on else 0
-        left, right, node = table[c, LEFT], table[c, RIGHT], table[c, END]
+        left, right, node = table[c, LEFT_PATCH], table[c, RIGHT_PATCH], table[c, END]
         framed = 1 if left < 0 or right < 0 else 0
         hard = table[c, HARD] = _code_flag(
             coder, model, _IS_HARD, 4 * framed + 2 * went_on + hard, table[c, HARD]

@@ -23,7 +23,7 @@ SUMMARIES: Final = {
     "preview": "The vector image, drawn",
     "error": "Where the drawing differs from the picture",
     "patches": "Outlines, polygon vertices and control points over the drawing",
-    "report": "Counts, errors and times",
+    "report": "Counts, errors, times and warnings",
     "svg": "The vector image as SVG: outlines are vector, shading is sampled",
     "pdf": "The vector image as PDF: one Gouraud shading",
     "glb": "The vector image as glTF: one unlit mesh",

@@ -1,10 +1,15 @@
-"""Fits of one curve alone."""
+"""One curve alone: its knots, and fits."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gcvec.curves.spline_fit import fit_all_within, fit_spline
+
+
+def knots(m: int, closed: bool) -> np.ndarray:
+    k = np.arange(-3.0, m + 4.0)
+    return k if closed else np.clip(k, 0, m)
 
 
 def fit(samples: np.ndarray, segments: int, closed: bool = False, sweeps: int = 1000) -> np.ndarray:

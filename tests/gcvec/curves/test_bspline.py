@@ -8,11 +8,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from gcvec.curves import bspline
-
-
-def knots(m: int, closed: bool) -> np.ndarray:
-    k = np.arange(-3.0, m + 4.0)
-    return k if closed else np.clip(k, 0, m)
+from tests.gcvec.curves.single_splines import knots
 
 
 def scipy_spline(control: np.ndarray, closed: bool) -> BSpline:

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from gcvec.curves import bspline, spline_fit
-from tests.gcvec.curves.single_splines import fit, fit_within
-from tests.gcvec.curves.test_bspline import knots
+from tests.gcvec.curves.single_splines import fit, fit_within, knots
 
 
 def arc_samples(n: int, seed: int) -> np.ndarray:

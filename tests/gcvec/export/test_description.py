@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from gcvec import VectorImage, vectorize
-from tests.gcvec.patches.test_mesh import shoelace
+from tests.gcvec.areas import shoelace
 from tests.gcvec.scenes import Scene
 
 ROOT = Path(__file__).parents[3]

@@ -12,7 +12,7 @@ from gcvec.patches.canonical import lay_canvas
 from gcvec.patches.drawing import folded
 from gcvec.patches.fans import fans
 from gcvec.patches.segment_table import segment_table
-from tests.gcvec.patches.test_mesh import areas
+from tests.gcvec.areas import areas
 from tests.gcvec.scenes import SCENES, foundation_of, some_points
 
 Triangle = tuple[int, int, int]

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcvec.patches.mesh import COARSEST_LEVEL, FINEST_CELL, build_mesh, free_points, jitter
+from tests.gcvec.areas import areas, shoelace
 from tests.gcvec.scenes import SCENES, foundation_of, no_points, some_points
 
 
@@ -112,17 +113,6 @@ def in_circle(quad: np.ndarray) -> float:
     """0 if the corners `(4, 2)` lie on one circle, relative to their extent."""
     off = (quad[:3] - quad[3]) / np.abs(quad - quad[3]).max()
     return float(np.linalg.det(np.column_stack([off, (off**2).sum(axis=1)])))
-
-
-def areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-    return (ux * vy - uy * vx) / 2
-
-
-def shoelace(ring: np.ndarray) -> float:
-    x, y = ring.T
-    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
 
 
 def loop_vertices(samples, loop) -> list[int]:

@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 
 from gcvec.patches.segment_table import segment_between, segment_table
 from gcvec.patches.triangulation import constrained_delaunay, patch_triangulation
-from tests.gcvec.patches.test_mesh import areas, shoelace
+from tests.gcvec.areas import areas, shoelace
 
 
 def test_delaunay_keeps_constraints_and_drops_what_lies_outside() -> None:
