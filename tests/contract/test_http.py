@@ -92,6 +92,7 @@ def test_post_jobs_accepts_and_says_where(api: httpx.Client, photo: bytes) -> No
     assert job["status"] == "queued"
     report = api.get(ended(api, job)["links"]["report"]).json()
     assert report["mse"] <= 20
+    assert report["warnings"] == []
     assert {region["label"] for region in report["regions"]} == {"ground", "box"}
 
 
