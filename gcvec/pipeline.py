@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.annotations import Annotations, check_size
+from gcvec.automatic_regions import automatic_regions
 from gcvec.borders.border import borders
 from gcvec.borders.localize import LARGEST_SHIFT, localized
 from gcvec.borders.planar_graph import planar_graph
@@ -26,27 +27,14 @@ from gcvec.progress import BEFORE_RUNS, OnProgress, Teller
 from gcvec.quantization import Quantization
 from gcvec.refinement.batch import exchanges, refine_batch
 from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.seeding import expected_points
 from gcvec.refinement.to_bytes import CLOSE, refine_to_bytes
 from gcvec.regions.partition import Partition, partition
-from gcvec.regions.segment import CLEAR_STEP, segment
 from gcvec.regions.snap import snap_borders
 from gcvec.timing import StageClock
 from gcvec.vector_image import VectorImage
 
 FULL = 0.95
 """A region with this share of the points it may have is taken as full: a few find no place."""
-
-EXPECTED = 0.55
-"""Automatic regions are divided until each is expected to need no more than this share of the points it may
-have: what is expected is often too little."""
-
-PIXELS_A_REGION = 1500
-"""On that account no more than one region for so many pixels."""
-
-BYTES_A_REGION = 350
-"""No more automatic regions than this leaves room for in a file of a given size: three times what each
-takes."""
 
 ROUNDING = 0.1
 """The paper's refinement looks at colours as they are before they are rounded to the file's steps, which adds
@@ -115,26 +103,10 @@ def _vectorized(
 def _regions(pixels: NDArray[np.uint8], annotations: Annotations | None, options: Options) -> Partition:
     """The regions drawn, their borders snapped to the picture's edges; without annotations, those found."""
     if annotations is None:
-        return _found_regions(pixels, options)
+        return automatic_regions(pixels, options)
     height, width = pixels.shape[:2]
     regions = partition(annotations, width, height)
     return replace(regions, labels=snap_borders(regions.labels, pixels / 255.0, options.snap))
-
-
-def _found_regions(pixels: NDArray[np.uint8], options: Options) -> Partition:
-    """As many regions as the options say, else as pay for themselves, and as hold the points that the picture
-    is expected to need."""
-    if options.regions:
-        return segment(pixels, options.regions)
-    if options.max_points:
-        need = expected_points(np.divide(pixels, np.float32(255)), options.target_mse)
-        most = max(EXPECTED * options.max_points, need.sum() * PIXELS_A_REGION / need.size)
-        found = segment(pixels, 0, CLEAR_STEP, need, most)
-    else:
-        found = segment(pixels, 0, CLEAR_STEP)
-    affordable = max(options.target_bytes // BYTES_A_REGION, 1)
-    too_many = options.target_bytes and len(found.names) > affordable
-    return segment(pixels, affordable) if too_many else found
 
 
 def _reach(annotations: Annotations | None, options: Options) -> float:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=0),
     default=0,
     metavar="N",
-    help="How many regions; 0: as many as pay for themselves, $GCVEC_MAX_POLYGONS (2000) at most.",
+    help="How many regions; 0: those that vectorize finds, $GCVEC_MAX_POLYGONS (2000) at most.",
 )
 @matte_option
 def regions(image: Path, output: Path, count: int, matte: str) -> None:
@@ -45,12 +45,13 @@ def regions(image: Path, output: Path, count: int, matte: str) -> None:
         raise click.BadParameter(f"{output}: the ending must be one of {known}", param_hint="'-o'")
     picture = load_picture(image, matte)
 
-    from gcvec.regions.segment import segment
+    from gcvec.automatic_regions import automatic_regions
+    from gcvec.options import Options
 
     bounds = limits()
-    found = segment(picture.pixels, count)
+    found = automatic_regions(picture.pixels, Options(regions=count))
     if not count and len(found.names) > bounds.max_polygons:
-        found = segment(picture.pixels, bounds.max_polygons)
+        found = automatic_regions(picture.pixels, Options(regions=bounds.max_polygons))
     with about(output):
         content = document(found, image.name, bounds)
     write(output, content)

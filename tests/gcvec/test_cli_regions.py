@@ -10,10 +10,11 @@ import pytest
 import skimage.data
 from PIL import Image
 
+from gcvec.automatic_regions import automatic_regions
 from gcvec.cli._app import run
 from gcvec.io import DEFAULT_LIMITS, read_annotations, read_picture
+from gcvec.options import Options
 from gcvec.regions.partition import partition
-from gcvec.regions.segment import segment
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,7 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_regions_come_back(photo: Path, tmp_path: Path, ending: str, count: int) -> None:
     output = tmp_path / f"coffee{ending}"
     assert run(["regions", str(photo), "-o", str(output), "--regions", str(count)]) == 0
-    found = segment(read_picture(photo.read_bytes()).pixels, count)
+    found = automatic_regions(read_picture(photo.read_bytes()).pixels, Options(regions=count))
     height, width = found.labels.shape
     read = partition(read_annotations(output.read_bytes(), picture_name=photo.name), width, height)
     np.testing.assert_array_equal(read.labels, found.labels)
@@ -63,7 +64,7 @@ def test_what_is_found_by_itself_can_always_be_read_again(
     noise = np.random.default_rng(5).integers(0, 256, (30, 30, 3), dtype=np.uint8).repeat(7, 0).repeat(7, 1)
     Image.fromarray(noise).save(tmp_path / "noise.png")
     most = 40
-    assert len(segment(noise).names) > most
+    assert len(automatic_regions(noise, Options()).names) > most
     limits = replace(DEFAULT_LIMITS, max_polygons=most)
     monkeypatch.setenv("GCVEC_MAX_POLYGONS", str(most))
     for ending in ("xml", "json"):
