@@ -26,6 +26,7 @@ from gcvec.curves.sampling import SAGITTA, SPACING
 from gcvec.quantization import Quantization
 from gcvec.regions.components import connected_components
 from tests.gcvec.curves.single_splines import fit_within
+from tests.gcvec.plain_polygons import plain_polygon, plain_sample
 from tests.gcvec.scenes import SCENES, drawn, foundation_of
 
 GRID = Quantization().grid
@@ -173,3 +174,16 @@ def test_network_of_a_disc_shares_one_curve() -> None:
     assert len(inner) == 2
     assert all(c.closed for c in inner)
     assert sorted(len(loops) for loops in network.loops) == [1, 2, 2]
+
+
+@pytest.mark.parametrize("level", [0, 2, 5, FINEST_LEVEL])
+@pytest.mark.parametrize("scene", ["needles", "nested"])
+def test_samples_and_vertices_are_those_of_the_format_to_the_bit(scene: str, level: int) -> None:
+    network = with_levels(foundation_of(scene).network, level)
+    sampling, vertex = network.sampling, polygon_vertices(network)
+    for c, curve in enumerate(network.curves):
+        own = slice(*sampling.starts[c : c + 2])
+        control = curve.control_points.tolist()
+        samples = [plain_sample(control, curve.closed, u) for u in sampling.u[own].tolist()]
+        assert [tuple(place) for place in sampling.points[own].tolist()] == samples
+        assert np.flatnonzero(vertex[own]).tolist() == plain_polygon(samples, curve.closed, level)
