@@ -167,8 +167,15 @@ function showDetails(job, { image, patches, metrics, seconds, warnings }) {
   }
   const all = [...new Set([...job.warnings, ...warnings])];
   element("warnings").hidden = !all.length;
-  if (all.length) element("details-title").textContent += ` · ${all.length} warning${all.length > 1 ? "s" : ""}`;
+  if (all.length) showCount(all.length);
   element("warnings").append(...all.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+}
+
+function showCount(warnings) {
+  const word = document.createElement("span");
+  word.className = "wide";
+  word.textContent = warnings > 1 ? "warnings" : "warning";
+  element("details-title").append(` · ${warnings} `, word);
 }
 
 function showDownloads(job) {

@@ -40,6 +40,7 @@ def test_the_sheets_are_all_on_the_screen_of_a_phone(browser: Browser, job: str,
             assert box["width"] > 200
             assert box["left"] >= 0
             assert box["right"] <= width
+            assert page.evaluate(f"{menu}.querySelector('summary').offsetHeight") <= 40
             page.evaluate(f"{menu}.open = false")
 
 
