@@ -87,11 +87,17 @@ class _Claim(Keeper):
         super().__init__("claim")
         self._records = records
         self._renewal = job_id, attempt, number, part
+        self._outage = logs.Outage(
+            logger, f"job {job_id}: claim not renewed", f"job {job_id}: claim renewed again"
+        )
 
     def _keep(self) -> None:
         while not self._done.wait(RENEW_SECONDS):
             try:
-                if not self._records.run(renew_part(*self._renewal)):
-                    self._stopped.set()
+                still_ours = self._records.run(renew_part(*self._renewal))
             except redis.RedisError as error:
-                logger.warning("job %s: claim not renewed (%s)", self._renewal[0], type(error).__name__)
+                self._outage.goes_on(error)
+                continue
+            self._outage.is_over()
+            if not still_ours:
+                self._stopped.set()
