@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcvec.greedy.colors import NO_STEP, adapt, reach, usefulness
+from gcvec.greedy.strip import VERTICES
 from tests.gcvec.greedy.gardens import PULL, alive, garden, whole_vertices
 
 
@@ -69,7 +70,9 @@ def test_adapting_again_and_again_finds_it() -> None:
 
 def test_a_vertex_on_the_plane_of_its_neighbours_is_of_no_use() -> None:
     (strip,) = garden("ring", 100).placement.strips
-    strip.color[:] = strip.image[:, :1] * [0.001, 0.002, -0.001] + strip.image[:, 1:] * 0.003
+    there = slice(strip.counts[VERTICES])  # beyond is room for others
+    x, y = strip.image[there, :1], strip.image[there, 1:]
+    strip.color[there] = x * [0.001, 0.002, -0.001] + y * 0.003
     vertex = whole_vertices(strip)[30]
     flat = usefulness(strip, vertex)
     strip.color[vertex] += 0.1
