@@ -9,8 +9,9 @@ from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from types import ModuleType
 
-POSTPONED = ("numpy.f2py", "numpy.testing")
-"""scipy takes in everything that numpy has; these two take longer than all the rest."""
+POSTPONED = ("numpy.f2py", "numpy.polynomial", "numpy.testing", "urllib.request")
+"""scipy takes in everything that numpy has, and readers of XML all that could fetch some: together these take as
+long to load as numpy does."""
 
 
 class _Postpone(MetaPathFinder):

@@ -19,7 +19,7 @@ LEAST_SCALE, MOST_SCALE = 0.75, 1.25
 AIM = 0.998
 """The share of the target to aim at: the error does not fall quite evenly with the steps."""
 
-WORTH = 32
+WORTH = 16
 """Steps that are larger by less than about this part are not worth making another file."""
 
 MOST_FILES = 4

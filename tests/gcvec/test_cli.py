@@ -18,6 +18,7 @@ from PIL import Image
 
 from gcvec import VectorImage
 from gcvec.cli._app import root, run
+from gcvec.cli._postponed import POSTPONED
 from gcvec.edit import mean_color
 
 WIDTH, HEIGHT = 64, 48
@@ -111,7 +112,7 @@ def test_render_png(folder: Path, tmp_path: Path, scale: str, size: tuple[int, i
 
 @pytest.mark.usefixtures("vectorized")
 def test_a_small_picture_does_not_wait_for_what_it_does_not_need(folder: Path, tmp_path: Path) -> None:
-    slow = {"scipy.linalg", "scipy.ndimage", "scipy.special", "numpy.testing", "numpy.f2py"}
+    slow = {"scipy.linalg", "scipy.ndimage", "scipy.special", *POSTPONED}
     slow |= {"pydantic", "skimage"}
     for regions in ((), ("-a", folder / "photo.xml")):
         loaded = loaded_by("vectorize", folder / "photo.png", *regions, "-o", tmp_path / "a.gcv")
