@@ -10,8 +10,8 @@ from importlib.util import LazyLoader
 from types import ModuleType
 
 POSTPONED = ("numpy.f2py", "numpy.polynomial", "numpy.testing", "urllib.request")
-"""scipy takes in everything that numpy has, and readers of XML all that could fetch some: together these take as
-long to load as numpy does."""
+"""scipy takes in everything that numpy has, and readers of XML all that could fetch some: together these take
+as long to load as numpy does."""
 
 
 class _Postpone(MetaPathFinder):

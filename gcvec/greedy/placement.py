@@ -40,6 +40,10 @@ LEAST_MARGIN = 0.02
 EAGER = 0.3
 """With each threshold this share of the points is placed that the error seems to ask for: the best ones."""
 
+DULL = 0.5
+"""Triangles where a point would save less than this share of the last threshold, before colours adapted, are
+not next: they are looked at again when thresholds have fallen."""
+
 NEAR_ENOUGH = 0.003
 NEARLY = 0.85
 MOST_LEVELS = 30
@@ -95,11 +99,11 @@ def _look(first, last, pixels, weights, residual, under, taken, patch_at, patch,
 
 
 @bare_kernel
-def look_everywhere(strip, seats):
-    """Look at every triangle in which something has changed."""
+def look_everywhere(strip, seats, least):
+    """Look at every triangle that is new, or where something has changed and a point may save `least`."""
     offset = strip.first_row * strip.width
     for t in range(strip.counts[TRIANGLES]):
-        if not strip.stale[t] or strip.triangles[t, 0] == NOBODY:
+        if not strip.stale[t] or strip.triangles[t, 0] == NOBODY or 0.0 < strip.gain[t] < least:
             continue
         strip.stale[t] = False
         strip.gain[t], strip.best[t] = _look(
@@ -208,6 +212,7 @@ class Placement:
         self._pull = pull
         # Patches may be so thin that they hold the centre of no pixel.
         self._n_patches = int(seats.patch.max()) + 1 if room is None else len(room)
+        self._threshold = 0.0
         self._stuck = np.zeros(self._n_patches, bool)
         self._first_new = [int(strip.counts[VERTICES]) for strip in strips]
         self.error, self.lack = error, 0.0
@@ -268,8 +273,8 @@ class Placement:
                 return True
             wanted = int(EAGER * how_many(gain, partial(full.missing, self.error, goal)))
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
-            threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
-            new, stuck = self._place([self._best(q, threshold) for q in queues])
+            self._threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
+            new, stuck = self._place([self._best(q, self._threshold) for q in queues])
             if not new and not stuck:
                 return any(strip.counts[VERTICES] + 1 >= len(strip.domain) for strip in self.strips)
             placed += new
@@ -291,7 +296,7 @@ class Placement:
         may have no more points."""
 
         def look(strip: Strip) -> Queue:
-            look_everywhere(strip, self._seats)
+            look_everywhere(strip, self._seats, DULL * self._threshold)
             return useful(strip)
 
         queues = in_turn(look, self.strips)

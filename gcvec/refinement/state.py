@@ -78,10 +78,10 @@ SHIFTS = 0.35, 0.65
 """Where strips of the picture are cut, in turn: nothing changes along a cut."""
 
 ROUND_ITERATIONS = 4
-FINAL_ITERATIONS = 7
-FINAL_SWEEPS = 2
+FINAL_ITERATIONS = 5
+FINAL_SWEEPS = 1
 """Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
-may take some sweeps to find the colours that stay at their bounds."""
+may take so many sweeps to find the colours that stay at their bounds."""
 
 GROWTH = 3.0
 """A round adds this many times the points there are, at most."""

@@ -33,7 +33,7 @@ def test_gains_are_those_of_the_formula() -> None:
     start = garden("voronoi", 300)
     (strip,) = start.placement.strips
     seats = start.placement._seats
-    look_everywhere(strip, seats)
+    look_everywhere(strip, seats, 0.0)
     for t in alive(strip)[::11]:
         assert strip.gain[t] <= slow_gain(strip, seats, t) * (1 + 1e-4) + 1e-9
         if strip.last[t] - strip.first[t] <= 8:  # all of its pixels are tried
