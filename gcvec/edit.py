@@ -25,10 +25,10 @@ from gcvec.patches.patch import Blend
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 BISECTIONS = 40
 """Halvings of the range in which a shift of colours is looked for."""
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

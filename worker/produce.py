@@ -13,7 +13,7 @@ from gcvec.errors import InputError, pointing_at
 from gcvec.export import error_map, patch_overlay
 from gcvec.export.png import png
 from gcvec.hex_color import rgb_from_hex
-from gcvec.io import Picture, check_size, read_annotations, read_picture
+from gcvec.io import Picture, read_annotations, read_picture
 from gcvec.metrics import Report, compare
 from gcvec.parts.crew import Crew
 from gcvec.progress import OnProgress
@@ -51,11 +51,7 @@ def produce(
     n_pixels = picture.pixels.shape[0] * picture.pixels.shape[1]
     large = 0 < settings.fan_out_megapixels < n_pixels / 1e6
     with _pointing_at_options(), pointing_at("/image" if annotations is None else "/annotations"):
-        regions = None
-        if annotations is not None:
-            regions = read_annotations(annotations, **names, limits=bounds)
-            height, width = picture.pixels.shape[:2]
-            check_size(regions, width, height)
+        regions = None if annotations is None else read_annotations(annotations, **names, limits=bounds)
         result = vectorize(picture.pixels, regions, options, on_progress, crew if large else None)
     encoded = result.to_bytes()
     report = result.report or compare(picture.pixels, result, len(encoded))

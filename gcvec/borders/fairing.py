@@ -47,9 +47,9 @@ def solved(diagonals, right):
     diagonals[j, i] is A[i, i - j], for j up to 2; what lies outside of A is 0.
     """
     n = len(right)
-    pivot, lower = np.ones(n + 2), np.zeros((2, n + 2))
-    x = np.zeros((n + 2, right.shape[1]))
-    # Rows are moved by two, so that the first ones have predecessors.
+    pivot, lower = np.ones(n + 4), np.zeros((2, n + 4))
+    x = np.zeros((n + 4, right.shape[1]))
+    # There are two rows more at both ends, so that all have predecessors and successors.
     for i in range(2, n + 2):
         lower[1, i] = diagonals[2, i - 2] / pivot[i - 2]
         lower[0, i] = (diagonals[1, i - 2] - lower[1, i] * pivot[i - 2] * lower[0, i - 1]) / pivot[i - 1]
@@ -58,12 +58,8 @@ def solved(diagonals, right):
             x[i, k] = right[i - 2, k] - lower[0, i] * x[i - 1, k] - lower[1, i] * x[i - 2, k]
     for i in range(n + 1, 1, -1):
         for k in range(right.shape[1]):
-            x[i, k] /= pivot[i]
-            if i + 1 < n + 2:
-                x[i, k] -= lower[0, i + 1] * x[i + 1, k]
-            if i + 2 < n + 2:
-                x[i, k] -= lower[1, i + 2] * x[i + 2, k]
-    return x[2:]
+            x[i, k] = x[i, k] / pivot[i] - lower[0, i + 1] * x[i + 1, k] - lower[1, i + 2] * x[i + 2, k]
+    return x[2 : n + 2]
 
 
 def _unrolled(chains: Chains) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from gcvec import vectorize
-from tests.conftest import client_of
+from tests.worker.workshops import empty_workshop
 from worker import short_tasks, storage
 from worker.artifacts import KINDS
 from worker.questions import PENDING, Answer, question_key
-from worker.records import Job, JobRecords, record_key
-from worker.settings import Settings
+from worker.records import Job, record_key
 from worker.storage import Manifest
 from worker.workshop import Workshop
 
@@ -23,11 +22,7 @@ KEY = "a-question"
 
 @pytest.fixture
 def shop(broker_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workshop:
-    client = client_of(broker_url)
-    client.flushall()
-    settings = Settings(broker_url=broker_url, data_dir=tmp_path)
-    records = JobRecords(client)
-    shop = Workshop(settings, storage.open_store(settings.storage), client, records, records)
+    shop = empty_workshop(broker_url, tmp_path)
     monkeypatch.setattr(short_tasks, "workshop", lambda: shop)
     return shop
 

@@ -10,21 +10,16 @@ from typing import Any, NoReturn
 
 import pytest
 
-from tests.conftest import client_of
+from tests.worker.workshops import empty_workshop
 from worker import produce, storage, tasks
-from worker.records import Job, JobRecords, claim, create, lease_key
-from worker.settings import Settings
+from worker.records import Job, claim, create, lease_key
 from worker.storage import Manifest
 from worker.workshop import Workshop
 
 
 @pytest.fixture
 def shop(broker_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workshop:
-    client = client_of(broker_url)
-    client.flushall()
-    settings = Settings(broker_url=broker_url, data_dir=tmp_path)
-    records = JobRecords(client)
-    shop = Workshop(settings, storage.open_store(settings.storage), client, records, records)
+    shop = empty_workshop(broker_url, tmp_path)
     monkeypatch.setattr(tasks, "workshop", lambda: shop)
     return shop
 
