@@ -17,7 +17,7 @@ from scipy import sparse
 from gcvec.curves.domain import FINEST_LEVEL, raise_levels, without_crossings
 from gcvec.curves.network import Network
 from gcvec.patches.color_space import ColorSpace, boundary_corners, color_space
-from gcvec.patches.drawing import FLATNESS, Drawing, draw, folded
+from gcvec.patches.drawing import FLATNESS, Drawing, Polylines, draw, folded, polylines
 from gcvec.patches.mesh import Mesh, build_mesh
 from gcvec.patches.patch import Blend, Geometry, blend, geometry
 from gcvec.patches.samples import BoundarySamples, boundary_samples
@@ -49,6 +49,16 @@ class Foundation:
         geometry = self.geometry
         return Canvas(self, geometry.mesh, geometry.blend, geometry.image[geometry.mesh.n_samples :])
 
+    def polylines(self, flatness: float) -> Polylines:
+        """Its curves as polylines within `flatness` pixels of them."""
+        if flatness == FLATNESS:
+            return self._unit_polylines
+        return polylines(self.network, self.samples, self.control_points, flatness)
+
+    @cached_property
+    def _unit_polylines(self) -> Polylines:
+        return polylines(self.network, self.samples, self.control_points, FLATNESS)
+
 
 @dataclass(frozen=True)
 class Canvas:
@@ -62,9 +72,15 @@ class Canvas:
     blend: Blend
     places: Floats
 
+    @property
+    def image(self) -> Floats:
+        """`(v, 2)` all vertices of the mesh in the image."""
+        return np.concatenate([self.foundation.geometry.image[: self.mesh.n_samples], self.places])
+
     def drawing(self, flatness: float = FLATNESS) -> Drawing:
-        f = self.foundation
-        return draw(f.network, f.samples, f.control_points, self.mesh, self.places, flatness)
+        """The canvas with its curves drawn within `flatness` pixels of them; infinity: along its own
+        edges."""
+        return draw(self.foundation.polylines(flatness), self.mesh, self.image)
 
     def operator(self, drawing: Drawing) -> tuple[sparse.csr_array, Ints]:
         """R from unknowns to colours, and which colour each corner of the drawing's triangles has."""
@@ -96,20 +112,28 @@ class Canvas:
 
     def foldovers(self) -> Ints:
         """Triangles of the mesh that S turns over."""
-        f = self.foundation
-        image = np.concatenate([f.samples.on_curves(f.control_points), self.places])
-        return folded(image, self.mesh.triangles)
+        return folded(self.image, self.mesh.triangles)
 
 
 def lay_foundation(
     network: Network, hard: NDArray[np.bool_], control_points: Floats | None = None
 ) -> Foundation:
     """The foundation of a network whose levels are final."""
-    samples = boundary_samples(network)
     moved = network.control_points if control_points is None else control_points
-    return Foundation(
-        network, hard, samples, geometry(network, samples, moved), color_space(network, hard), moved
-    )
+    return _foundation(network, hard, moved, *_bare(network))
+
+
+def _bare(network: Network) -> tuple[BoundarySamples, Mesh]:
+    """The samples of a network, and the mesh of its parameter domains without control points."""
+    samples = boundary_samples(network)
+    return samples, build_mesh(network, samples, np.zeros((0, 2), np.int64))
+
+
+def _foundation(
+    network: Network, hard: NDArray[np.bool_], control_points: Floats, samples: BoundarySamples, mesh: Mesh
+) -> Foundation:
+    s = geometry(network, samples, mesh, control_points)
+    return Foundation(network, hard, samples, s, color_space(network, hard), control_points)
 
 
 def lay_unfolded_foundation(network: Network, hard: NDArray[np.bool_]) -> Foundation:
@@ -117,7 +141,8 @@ def lay_unfolded_foundation(network: Network, hard: NDArray[np.bool_]) -> Founda
 
     In the limit the polygons are the sampled curves and S is the identity, so this ends.
     """
-    foundation = lay_foundation(network, hard)
+    network, samples, mesh = _unfolded_between_samples(network)
+    foundation = _foundation(network, hard, network.control_points, samples, mesh)
     while True:
         mesh = foundation.geometry.mesh
         finer = refined_domains(foundation, mesh.triangles[folded(foundation.geometry.image, mesh.triangles)])
@@ -126,15 +151,38 @@ def lay_unfolded_foundation(network: Network, hard: NDArray[np.bool_]) -> Founda
         foundation = finer
 
 
+def _unfolded_between_samples(network: Network) -> tuple[Network, BoundarySamples, Mesh]:
+    """The network with polygons so close that no triangle between samples alone folds over: most that do
+    are of this kind, and S need not be solved to find them. With its samples and bare mesh."""
+    while True:
+        samples, mesh = _bare(network)
+        between = mesh.triangles[(mesh.triangles < len(samples)).all(axis=1)]
+        over = between[folded(samples.on_curves(network.control_points), between)]
+        finer = _closer_polygons(network, samples, over)
+        if finer is None:
+            return network, samples, mesh
+        network = finer
+
+
 def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
     """The foundation with parameter polygons four times as close to the curves that pass through these mesh
     vertices.
 
     None where there are no such curves, or all of them are followed as closely as can be.
     """
+    finer = _closer_polygons(foundation.network, foundation.samples, corners)
+    if finer is None:
+        return None
+    samples, mesh = _bare(finer)
+    s = geometry(finer, samples, mesh, finer.control_points)
+    # Levels are no matter of colours: their numbering stays.
+    return replace(foundation, network=finer, samples=samples, geometry=s)
+
+
+def _closer_polygons(network: Network, samples: BoundarySamples, corners: Ints) -> Network | None:
+    """See `refined_domains`."""
     if not len(corners):
         return None
-    network, samples = foundation.network, foundation.samples
     on_boundary = np.unique(corners[corners < len(samples)])
     curves = set(samples.curve[on_boundary].tolist())
     nodes = set(on_boundary[on_boundary < samples.n_nodes].tolist())
@@ -145,18 +193,13 @@ def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
         and not curve.on_frame
         and curve.level < FINEST_LEVEL
     ]
-    if not touched:
-        return None
-    finer = without_crossings(raise_levels(network, touched), touched)
-    samples, control_points = boundary_samples(finer), finer.control_points
-    # Levels are no matter of colours: their numbering stays.
-    return replace(
-        foundation, network=finer, samples=samples, geometry=geometry(finer, samples, control_points)
-    )
+    return without_crossings(raise_levels(network, touched), touched) if touched else None
 
 
 def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:
     """Mesh and blend with control points at pixels `points` `(n, 2)` of the parameter domain."""
+    if not len(points):
+        return foundation.bare_canvas
     mesh = build_mesh(foundation.network, foundation.samples, points)
     places = foundation.geometry.to_image(mesh.vertices[mesh.n_samples :])
     return Canvas(foundation, mesh, blend(foundation.network, foundation.samples, mesh), places)

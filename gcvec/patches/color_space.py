@@ -197,34 +197,26 @@ def _mix_free(boundary, points, patch, left, of_control, size, columns, values):
 
 def color_space(network: Network, hard: NDArray[np.bool_]) -> ColorSpace:
     """Number the boundary colours of a network whose curves are `hard` `(c,)` or soft."""
-    n_patches = len(network.loops)
-    keys, ties = [], []
-    for curve, is_hard in zip(network.curves, hard, strict=True):
-        sides = [p for p in (curve.right, curve.left) if p != OUTSIDE]
-        for node in () if curve.closed else (curve.start, curve.end):
-            at = [node * n_patches + p for p in sides]
-            keys += at
-            if not is_hard and len(at) == 2:
-                ties.append(at)
-    node_keys = np.unique(np.array(keys, np.int64))
-    tie = np.searchsorted(node_keys, np.array(ties, np.int64).reshape(-1, 2))
+    n_patches, sides, closed = len(network.loops), network.sides, network.family.closed
+    inside = sides != OUTSIDE
+    nodes = np.array([(curve.start, curve.end) for curve in network.curves])
+    key = nodes[:, :, None] * n_patches + sides[:, None, :]  # of every curve, end and side
+    at_node = ~closed[:, None, None] & np.repeat(inside[:, None, :], 2, axis=1)
+    node_keys = np.unique(key[at_node])
+    tied = ~closed & ~hard & inside.all(axis=1)
+    tie = np.searchsorted(node_keys, key[tied].reshape(-1, 2))
     of_node = united(*np.ascontiguousarray(tie.T), len(node_keys))
     size = int(of_node.max(initial=-1)) + 1
 
-    offsets = network.offsets
-    of_control = np.full((2, offsets[-1]), -1, np.int64)
-    for c, (curve, is_hard) in enumerate(zip(network.curves, hard, strict=True)):
-        inner = slice(offsets[c] + (not curve.closed), offsets[c + 1] - (not curve.closed))
-        n_inner = inner.stop - inner.start
-        for side, patch in ((RIGHT, curve.right), (LEFT, curve.left)):
-            if patch == OUTSIDE:
-                continue
-            if side == LEFT and curve.right != OUTSIDE and not is_hard:
-                of_control[LEFT, inner] = of_control[RIGHT, inner]
-            else:
-                of_control[side, inner] = np.arange(size, size + n_inner)
-                size += n_inner
-            if not curve.closed:
-                ends = np.searchsorted(node_keys, np.array([curve.start, curve.end]) * n_patches + patch)
-                of_control[side, [offsets[c], offsets[c + 1] - 1]] = of_node[ends]
-    return ColorSpace(size, of_control, node_keys, of_node, n_patches)
+    # Curve by curve the inner control points of the right side, then those of the left one that are its own.
+    own = np.stack([inside[:, 0], inside[:, 1] & (hard | ~inside[:, 0])], axis=1)
+    count = own * (np.diff(network.offsets) - 2 * ~closed)[:, None]
+    first = (size + np.cumsum(count) - count.ravel()).reshape(-1, 2)
+    first[:, 1] = np.where(own[:, 1], first[:, 1], first[:, 0])
+    curve = np.repeat(np.arange(len(closed)), np.diff(network.offsets))
+    within = np.arange(len(curve)) - (network.offsets[:-1] + ~closed)[curve]
+    of_control = np.where(inside[curve], first[curve] + within[:, None], OUTSIDE)
+    c, end, side = np.nonzero(at_node)
+    place = np.where(end == 0, network.offsets[c], network.offsets[c + 1] - 1)
+    of_control[place, side] = of_node[np.searchsorted(node_keys, key[at_node])]
+    return ColorSpace(size + int(count.sum()), of_control.T.copy(), node_keys, of_node, n_patches)

@@ -17,7 +17,7 @@ from gcvec.kernels import kernel
 from gcvec.patches.fans import fans
 from gcvec.patches.mesh import Mesh
 from gcvec.patches.samples import BoundarySamples
-from gcvec.patches.segment_table import segment_table
+from gcvec.patches.segment_table import SegmentTable, segment_table
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,47 +48,61 @@ class Drawing:
     n_vertices: int
 
 
-def draw(
-    network: Network,
-    samples: BoundarySamples,
-    control_points: Floats,
-    mesh: Mesh,
-    interior: Floats,
-    flatness: float,
-) -> Drawing:
-    """Tessellate the mesh until polylines lie within `flatness` pixels of their curves; infinity: not at all.
+@dataclass(frozen=True)
+class Polylines:
+    """The curves of a picture, tessellated: the points between the samples at which meshes meet them.
 
-    `control_points` `(c, 2)` are those of all curves, `interior` `(v - n_samples, 2)` the places of the
-    interior vertices.
+    table    the segments between consecutive samples
+    count    (s,) how many points there are between the ends of each
+    segment  (n,) the segment of each point, in order
+    along    (n,) how far between the segment's ends it lies
+    points   (n, 2) where
     """
-    on_curve = samples.on_curves(control_points)
-    pieces = _pieces(network, samples, control_points, flatness)
-    table = segment_table(samples.segments, len(samples))
+
+    table: SegmentTable
+    count: Ints
+    segment: Ints
+    along: Floats
+    points: Floats
+
+
+def polylines(
+    network: Network, samples: BoundarySamples, control_points: Floats, flatness: float
+) -> Polylines:
+    """The polylines that lie within `flatness` pixels of the curves with control points `(c, 2)`; infinity:
+    without any points between samples."""
+    count = _pieces(network, samples, control_points, flatness) - 1
+    segment, along = _between_samples(count)
+    start, end = samples.segment_u[segment].T
+    control, weight = network.family.basis(samples.segment_curve[segment], start + (end - start) * along)
+    points = np.einsum("nk,nkd->nd", weight, control_points[control])
+    return Polylines(segment_table(samples.segments, len(samples)), count, segment, along, points)
+
+
+def draw(lines: Polylines, mesh: Mesh, places: Floats) -> Drawing:
+    """A mesh whose vertices S takes to `places` `(v, 2)`, with the curves drawn as polylines."""
+    drawn = np.ones(len(lines.count), bool)
     while True:
-        count = pieces - 1
-        first = len(mesh.vertices) + np.cumsum(count) - count
-        segment, along = _between_samples(count)
-        start, end = samples.segment_u[segment].T
-        control, weight = network.family.basis(samples.segment_curve[segment], start + (end - start) * along)
-        between = np.einsum("nk,nkd->nd", weight, control_points[control])
-        image = np.concatenate([on_curve, interior, between])
-        fan, owner = fans(mesh.triangles, table, first, count)
+        used = drawn[lines.segment]
+        segment, count = lines.segment[used], np.where(drawn, lines.count, 0)
+        image = np.concatenate([places, lines.points[used]])
+        fan, owner = fans(mesh.triangles, lines.table, len(places) + np.cumsum(count) - count, count)
         # Where the polyline would turn a triangle of the fan over, the segment is drawn as its chord.
         corners = fan[folded(image, fan)]
-        added = corners[corners >= len(mesh.vertices)]
+        added = corners[corners >= len(places)]
         if not len(added):
             break
-        pieces[np.searchsorted(first, added, side="right") - 1] = 1
+        drawn[segment[added - len(places)]] = False
     whole = np.ones(len(mesh.triangles), bool)
     whole[owner] = False
     return Drawing(
         image,
         np.concatenate([mesh.triangles[whole], fan]),
         np.concatenate([mesh.patch[whole], mesh.patch[owner]]),
-        samples.segments[segment],
-        along,
-        len(samples),
-        len(mesh.vertices),
+        lines.table.ends[segment],
+        lines.along[used],
+        mesh.n_samples,
+        len(places),
     )
 
 

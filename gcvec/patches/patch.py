@@ -14,7 +14,7 @@ from gcvec.disjoint_sets import united
 from gcvec.parallel import in_turn
 from gcvec.patches.coons import coons
 from gcvec.patches.harmonic import cotangent_laplacian, faded_coordinates
-from gcvec.patches.mesh import Mesh, build_mesh
+from gcvec.patches.mesh import Mesh
 from gcvec.patches.samples import BoundarySamples
 
 Floats = NDArray[np.float64]
@@ -156,12 +156,11 @@ class Geometry:
         return np.asarray(np.append(self.mesh.patch, nowhere)[self.triangle_at])
 
 
-def geometry(network: Network, samples: BoundarySamples, control_points: Floats) -> Geometry:
-    """Evaluate equation (1) for positions on the mesh of the bare parameter domains.
+def geometry(network: Network, samples: BoundarySamples, mesh: Mesh, control_points: Floats) -> Geometry:
+    """Evaluate equation (1) for positions on `mesh`, that of the bare parameter domains.
 
     `control_points` `(c, 2)` are those of all curves.
     """
-    mesh = build_mesh(network, samples, np.zeros((0, 2), np.int64))
     blended = blend(network, samples, mesh)
     triangle_at = raster.triangle_at_pixel_centres(
         mesh.vertices, mesh.triangles, network.width, network.height
