@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,10 @@ class ColorFit:
     def energy(self) -> Floats:
         """Squared sum over the pixels of what each colour on the mesh gives to them."""
         return energies(self.design)
+
+    def of(self, truth: NDArray[np.float32]) -> ColorFit:
+        """The same fit to other pixels `(pixels, 3)`."""
+        return replace(self, target=self.operator.T @ from_pixels(self.design, truth))
 
     def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
         """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,24 +20,30 @@ TRIANGLES_A_STRIP = 1500
 """Smaller strips are not worth a thread."""
 
 
-def begin_placement(
-    canvas: Canvas,
-    points: Ints,
-    colors: Floats,
-    residual: NDArray[np.float32],
-    photo: NDArray[np.float32],
-    seats: Seats,
-    room: Ints | None,
-    pull: float,
-    shift: float,
-) -> Placement:
-    """Start from a canvas with control points at these pixels `(n, 2)` of the parameter domain.
+@dataclass(frozen=True)
+class Shown:
+    """A picture on its canvas, and what it lacks to the photo.
 
-    `colors` `(k, 3)` are all those on it; `residual` is `photo` less its picture, `(h w, 3)`.
-
-    The picture is cut into strips of as many triangles; `shift`, in [0, 1), moves the cuts by this share of
-    a strip, since nothing changes along them.
+    points    (n, 2) int64, its control points as pixels of the parameter domain
+    colors    (k, 3) all those on the canvas
+    residual  (h w, 3) float32, the photo less the picture
+    photo     (h w, 3) float32
     """
+
+    canvas: Canvas
+    points: Ints
+    colors: Floats
+    residual: NDArray[np.float32]
+    photo: NDArray[np.float32]
+
+
+def begin_placement(shown: Shown, seats: Seats, room: Ints | None, pull: float, shift: float) -> Placement:
+    """Start from a picture as it is shown; for `room` and `pull` see `Placement`.
+
+    It is cut into strips of as many triangles; `shift`, in [0, 1), moves the cuts by this share of a strip,
+    since nothing changes along them.
+    """
+    canvas, points = shown.canvas, shown.points
     mesh = canvas.mesh
     corner = canvas.corner_colors
     vertex = np.empty(int(corner.max(initial=-1)) + 1, np.int64)
@@ -54,18 +62,18 @@ def begin_placement(
         return roomy_strip(
             mesh.vertices[vertex[kept]],
             image[vertex[kept]],
-            colors[kept],
+            shown.colors[kept],
             seat[kept],
             number[corner[own]],
             mesh.patch[own],
-            residual,
-            photo,
+            shown.residual,
+            shown.photo,
             canvas.foundation.network.width,
         )
 
     largest_first = np.argsort(-np.bincount(of_strip, minlength=1), kind="stable")
     strips = in_turn(share, largest_first.tolist())
-    return Placement(strips, seats, float(np.sum(residual**2, dtype=np.float64)), room, pull)
+    return Placement(strips, seats, float(np.sum(shown.residual**2, dtype=np.float64)), room, pull)
 
 
 def _strips(height: Floats, shift: float) -> Ints:

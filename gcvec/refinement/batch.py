@@ -12,6 +12,7 @@ from typing import NamedTuple
 from gcvec.quantization import Quantization
 from gcvec.refinement.draft import Draft, drafted
 from gcvec.refinement.landing import landed
+from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Scene, Start, Step, Terms
 from gcvec.refinement.state import FEW, GROWTH, LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
@@ -64,7 +65,8 @@ def refine_batch(
 
     `start` is there where the rounds up to the last exchange have been done.
     """
-    state = Refinement(scene, terms, on_step, clock, start)
+    rounding = Rounding(terms.target_mse, terms.steps)
+    state = Refinement(scene, terms, rounding.aim, on_step, clock, start)
     target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
     def file(steps: Quantization) -> Draft:
@@ -73,13 +75,15 @@ def refine_batch(
     def settled() -> Draft:
         state.settle()
         with clock.stage("encode"):
-            found = landed(file, terms.steps, state.mse, state.rounding(terms.steps), target_mse + state.lack)
-        state.learn(found.steps, found.mse)
+            cost = rounding.cost(terms.steps, state.energy)
+            found = landed(file, terms.steps, state.mse, cost, target_mse + state.lack)
+        rounding.learn(found.steps, state.energy, state.mse, found.mse, state.lack)
         return found
 
+    state.begin()
     more = True
     if start is None:
-        state.seed()
+        state.seed(state.aim)
         more = state.grow(effort.growth, early=bool(effort.exchanges))
         if more or state.full:  # where no more points help, none can be spared
             shares = exchanges(terms.effort, len(state.points))

@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 
 from gcvec.colors.color_fit import ColorFit, color_fit
 from gcvec.colors.least_squares import solve, solve_bounded
-from gcvec.greedy import begin_placement
+from gcvec.greedy import Shown, begin_placement
 from gcvec.greedy.seats import Seats, seats
 from gcvec.patches.canonical import lay_unfolded_canvas
-from gcvec.quantization import Quantization
-from gcvec.raster.coverage import Coverage
 from gcvec.refinement.clearance import room
 from gcvec.refinement.draft import by_rows
-from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Scene, Start, Step, Terms
 from gcvec.refinement.seeding import seeds
 from gcvec.timing import StageClock
@@ -110,25 +107,35 @@ class Refinement:
     bias    the error that greedy placement expected of the last round over what it was
     lack    how much of the error there is because regions may have no more points: what the others cannot
             make up for, however many points are spent there
+    fit     equation (7) on the canvas
+    truth   (pixels, 3) float32 in [0, 1], what the picture is compared with
+    residual  (pixels, 3) float32, what it lacks to that
+    mse     its mean squared error (0-255 scale)
+
+    It is made with points and canvas; colours adapt, and errors are known, once it has begun.
     """
+
+    fit: ColorFit
 
     def __init__(
         self,
         scene: Scene,
         terms: Terms,
+        aim: Callable[[float], float],
         on_step: Callable[[Step], None],
         clock: StageClock,
         start: Start | None = None,
     ) -> None:
-        """Without a `start` there are no points yet."""
+        """`aim` tells from `energy` the mean squared error to come to. Without a `start` there are no points
+        yet."""
         self.foundation = scene.foundation
         start = start or Start(np.zeros((0, 2), np.int64), scene.boundary_colors, 0)
         self.points, self.colors = start.points, start.colors
         self._prior = scene.boundary_colors
         self._picture = np.divide(scene.pixels, np.float32(255))
-        self._truth = self._picture.reshape(-1, 3)
+        self.truth = self._picture.reshape(-1, 3)
         self._strength = float(np.clip(terms.target_mse, *PULLING_TARGETS))
-        self._rounding = Rounding(terms.target_mse, terms.steps)
+        self._aim = aim
         self.left: int | None = None
         self.bias, self.lack = 1.0, start.lack
         self._max_points = terms.max_points
@@ -137,35 +144,31 @@ class Refinement:
         self._best: _Best | None = None
         self._blocked = ~room(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
         self._iteration = start.rounds
-        self._update()
+        self._lay()
+
+    def begin(self) -> None:
+        """Adapt the colours to what is there at first."""
+        self._adapt(frozenset())
+
+    def compare_with(self, truth: NDArray[np.float32]) -> None:
+        """Compare the picture with `(pixels, 3)` from now on, in place of the photo."""
+        self.truth = truth
+        self.fit = self.fit.of(truth)
 
     @property
     def aim(self) -> float:
         """The error to aim at before colours are rounded."""
-        return self._rounding.aim(self._energy)
+        return self._aim(self.energy)
 
     @property
-    def fair_aim(self) -> float:
-        """The mean error of a whole picture that is as good as the aim."""
-        return self.aim
-
-    @property
-    def _energy(self) -> float:
+    def energy(self) -> float:
         """What all colours give to a pixel, in squares."""
-        return float(self._fit.energy.sum()) / len(self._truth)
+        return float(self.fit.energy.sum()) / len(self.truth)
 
     @property
     def spare(self) -> float:
         """Share of the control points that the picture can do without and still be as good as its aim."""
         return max(self.aim / max(self.open_mse, 1e-9) - 1, 0.0) / RISE
-
-    def rounding(self, steps: Quantization) -> float:
-        """The error that rounding to these steps is expected to add."""
-        return self._rounding.cost(steps, self._energy)
-
-    def learn(self, steps: Quantization, mse: float) -> None:
-        """See what rounding costs: a file of the picture as it is has the error `mse` in these steps."""
-        self._rounding.learn(steps, self._energy, self.mse, mse, self.lack)
 
     def grow(self, growth: float, early: bool) -> bool:
         """Place points until the picture is nearly as good as the aim, in rounds that add `growth` times as
@@ -181,7 +184,7 @@ class Refinement:
                 return False
             if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
                 return False
-            crowded = len(self.points) > CROWDED * len(self._truth)
+            crowded = len(self.points) > CROWDED * len(self.truth)
             helped = self.mse * max(len(self.points) / max(n, 1), 1) ** LEAST_RETURN < before
             idle_rounds = idle_rounds + 1 if crowded and not helped else 0
             if idle_rounds == IDLE_ROUNDS:
@@ -203,7 +206,7 @@ class Refinement:
             self._best = _Best(bargain, self.points, self.colors, self.lack)
 
     def _bargain(self) -> float:
-        n = max(len(self.points), FEW_A_PIXEL * len(self._truth))
+        n = max(len(self.points), FEW_A_PIXEL * len(self.truth))
         return float(self.mse * n**LEAST_RETURN)
 
     def catch_up(self) -> bool:
@@ -221,25 +224,18 @@ class Refinement:
         with self._clock.stage("evaluation"):
             expected = expected or self._foreseen(self.aim, growing=not share)
             goal = self._to_square(expected)
-            on_canvas = self._fit.operator @ self.colors
-            del self._fit  # large, and no longer needed
+            on_canvas = self.fit.operator @ self.colors
+            del self.fit  # large, and no longer needed
+            shown = Shown(self.canvas, self.points, on_canvas, self.residual, self._picture.reshape(-1, 3))
             placement = begin_placement(
-                self.canvas,
-                self.points,
-                on_canvas,
-                self._residual,
-                self._picture.reshape(-1, 3),
-                self._seats(),
-                self._room(),
-                POINT_WEIGHT * self._strength,
-                SHIFTS[self._iteration % 2],
+                shown, self._seats(), self._room(), POINT_WEIGHT * self._strength, SHIFTS[self._iteration % 2]
             )
             placement.thin_out(share)
-            most = int((REPLACEMENT * share or growth) * n + FIRST_POINTS * len(self._truth)) + 4
+            most = int((REPLACEMENT * share or growth) * n + FIRST_POINTS * len(self.truth)) + 4
             more = placement.grow(goal, most)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
-        foreseen, self.lack = placement.error, placement.lack * 65025 / self._truth.size
+        foreseen, self.lack = placement.error, placement.lack * 65025 / self.truth.size
         del placement
         self._update(new)
         self.bias = foreseen / max(self._to_square(self.mse), 1e-12)
@@ -269,7 +265,7 @@ class Refinement:
 
     def _to_square(self, mse: float) -> float:
         """Squared error, summed over pixels and channels, of a mean squared error on the 0-255 scale."""
-        return mse * self._truth.size / 65025
+        return mse * self.truth.size / 65025
 
     @property
     def full(self) -> bool:
@@ -284,30 +280,31 @@ class Refinement:
     def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
         """Bring the colours closer to the best ones for these control points."""
         with self._clock.stage("optimization"):
-            equations = self._fit.equations(*self._pull())
+            equations = self.fit.equations(*self._pull())
             self.colors = np.clip(solve(equations, self.colors, iterations, 1e-4), 0, 1)
             self._measure()
 
     def settle(self) -> None:
         """The last fit: to convergence, and with every colour in [0, 1]."""
         with self._clock.stage("optimization"):
-            equations = self._fit.equations(*self._pull())
+            equations = self.fit.equations(*self._pull())
             self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5, FINAL_SWEEPS)
             self._measure()
 
-    def seed(self) -> None:
-        """Place the first control points."""
+    def seed(self, fair_aim: float) -> None:
+        """Place the first control points of a picture whose mean squared error, over all of it, shall come to
+        `fair_aim`."""
         self._remember()
         with self._clock.stage("evaluation"):
             new = seeds(
-                self._residual.reshape(self._picture.shape),
-                self.fair_aim,
+                self.residual.reshape(self._picture.shape),
+                fair_aim,
                 self._blocked,
                 self.foundation.geometry.patch_at(),
                 self._max_points,
             )
         if len(new):
-            del self._fit
+            del self.fit
             self._insert(new)
 
     def _insert(self, new: Ints) -> None:
@@ -327,33 +324,36 @@ class Refinement:
 
     def _update(self, new: NDArray[np.bool_] | None = None) -> None:
         """Canvas, colours and error for the points as they are, of which some are `new` `(n,)`."""
+        kept = self._lay()
+        fresh = slice(0) if new is None else new[kept]
+        self._adapt(frozenset(self.canvas.patch_of_points()[fresh].tolist()))
+
+    def _lay(self) -> NDArray[np.bool_]:
+        """Canvas and fit for the points as they are; which of them `(n,)` it has kept."""
         with self._clock.stage("mesh_harmonic"):
             self.canvas, kept = lay_unfolded_canvas(self.foundation, self.points)
             self.foundation = self.canvas.foundation
             gone = self.points[~kept]
             self._blocked[gone[:, 1], gone[:, 0]] = True
             self._keep(kept)
-            fresh = slice(0) if new is None else new[kept]
-            grown = frozenset(self.canvas.patch_of_points()[fresh].tolist())
         with self._clock.stage("evaluation"):
             coverage = self.canvas.coverage(self.canvas.unit[0], np.float32)
         with self._clock.stage("optimization"):
-            self._fit = self._fitted(coverage)
-            del coverage
+            self.fit = color_fit(self.canvas, coverage, self.truth)
+        return kept
+
+    def _adapt(self, grown: frozenset[int]) -> None:
+        """Colours and error on a new canvas, whose regions `grown` have got points."""
         self.converge(ROUND_ITERATIONS)
         self._iteration += 1
-        square = (self._residual**2).sum(axis=1)
+        square = (self.residual**2).sum(axis=1)
         by_region = np.bincount(self.foundation.geometry.patch_at().ravel(), square)
-        worst = float(np.abs(self._residual).max() * 255)
+        worst = float(np.abs(self.residual).max() * 255)
         self._on_step(
             Step(
                 self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown, self.left
             )
         )
-
-    def _fitted(self, coverage: Coverage) -> ColorFit:
-        """The fit of the canvas, which covers the pixels so."""
-        return color_fit(self.canvas, coverage, self._truth)
 
     def _pull(self) -> tuple[Floats, Floats]:
         """What the unknowns are pulled towards, `(b + n, 3)`, and how much, `(b + n,)`."""
@@ -363,5 +363,5 @@ class Refinement:
         return prior, pull
 
     def _measure(self) -> None:
-        self._residual = self._fit.residual(self.colors, self._truth)
-        self.mse = float(np.mean(self._residual**2, dtype=np.float64) * 65025)
+        self.residual = self.fit.residual(self.colors, self.truth)
+        self.mse = float(np.mean(self.residual**2, dtype=np.float64) * 65025)

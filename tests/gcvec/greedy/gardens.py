@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcvec.colors.color_fit import ColorFit, color_fit
-from gcvec.greedy import Placement, begin_placement
+from gcvec.greedy import Placement, Shown, begin_placement
 from gcvec.greedy.seats import seats
 from gcvec.greedy.strip import TRIANGLES, VERTICES, Strip
 from gcvec.patches.canonical import Canvas, Foundation, lay_unfolded_canvas
@@ -44,17 +44,8 @@ def garden(scene: str, n_points: int, left: int | None = None) -> Garden:
     taken = ~room(foundation)
     taken[points[:, 1], points[:, 0]] = True
     limit = None if left is None else np.full(len(foundation.network.loops), left)
-    placement = begin_placement(
-        canvas,
-        points,
-        fit.operator @ colors,
-        fit.residual(colors, photo),
-        photo,
-        seats(foundation, taken),
-        limit,
-        PULL,
-        0.4,
-    )
+    shown = Shown(canvas, points, fit.operator @ colors, fit.residual(colors, photo), photo)
+    placement = begin_placement(shown, seats(foundation, taken), limit, PULL, 0.4)
     return Garden(foundation, points, canvas, fit, colors, photo, placement)
 
 
