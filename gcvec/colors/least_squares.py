@@ -32,13 +32,15 @@ class NormalEquations:
 
     def apply(self, x: Floats) -> Floats:
         """N x for x `(n, 3)`."""
-        values = np.ascontiguousarray(self.operator @ x)
-        b = self.design
+        r, b = self.operator, self.design
+        values = np.empty((r.shape[0], 3))
+        _product(r.indptr, r.indices, r.data, x, values)
         shares = in_shares(
             lambda first, last: _gram_product(b.indptr, b.indices, b.data, values, first, last), b.shape[0]
         )
-        back: Floats = self.operator.T @ _total(shares)
-        return back + self.pull[:, None] * x
+        back = self.pull[:, None] * x
+        _add_back(r.indptr, r.indices, r.data, tuple(shares), back)
+        return back
 
     @cached_property
     def diagonal(self) -> Floats:
@@ -86,6 +88,29 @@ def _row_product(indptr, indices, data, x, row):
         green += weight * x[column, 1]
         blue += weight * x[column, 2]
     return red, green, blue
+
+
+@bare_kernel
+def _product(indptr, indices, data, x, out):
+    """B x, for B in compressed rows and x `(n, 3)`."""
+    for row in range(len(out)):
+        out[row, 0], out[row, 1], out[row, 2] = _row_product(indptr, indices, data, x, row)
+
+
+@bare_kernel
+def _add_back(indptr, indices, data, parts, out):
+    """Add Bᵀ y, for B in compressed rows and y `(k, 3)`, the sum of the parts."""
+    for row in range(len(indptr) - 1):
+        red, green, blue = 0.0, 0.0, 0.0
+        for part in parts:
+            red += part[row, 0]
+            green += part[row, 1]
+            blue += part[row, 2]
+        for e in range(indptr[row], indptr[row + 1]):
+            weight, column = data[e], indices[e]
+            out[column, 0] += weight * red
+            out[column, 1] += weight * green
+            out[column, 2] += weight * blue
 
 
 @bare_kernel

@@ -51,10 +51,10 @@ def begin_placement(shown: Shown, seats: Seats, room: Ints | None, pull: float, 
     image = canvas.unit[0].image[: len(mesh.vertices)]
     seat = np.full(len(vertex), -1)
     seat[: mesh.n_points] = points[:, 1] * canvas.foundation.network.width + points[:, 0]
-    of_strip = _strips(mesh.vertices[mesh.triangles, 1].sum(axis=1), shift)
+    cuts = _cuts(len(corner), shift)
 
     def share(which: int) -> Strip:
-        own = np.flatnonzero(of_strip == which)
+        own = slice(cuts[which], cuts[which + 1])
         used = np.zeros(len(vertex), bool)
         used[corner[own]] = True
         kept = np.flatnonzero(used)
@@ -71,15 +71,13 @@ def begin_placement(shown: Shown, seats: Seats, room: Ints | None, pull: float, 
             canvas.foundation.network.width,
         )
 
-    largest_first = np.argsort(-np.bincount(of_strip, minlength=1), kind="stable")
+    largest_first = np.argsort(-np.diff(cuts), kind="stable")
     strips = in_turn(share, largest_first.tolist())
     return Placement(strips, seats, float(np.sum(shown.residual**2, dtype=np.float64)), room, pull)
 
 
-def _strips(height: Floats, shift: float) -> Ints:
-    """Number of the strip of each triangle `(t,)`, by its `height`."""
-    n = min(SHARES, len(height) // TRIANGLES_A_STRIP)
-    if n < 2:
-        return np.zeros(len(height), np.int64)
-    cuts = np.quantile(height, (np.arange(1, n) - 0.5 + shift) / n)
-    return np.searchsorted(cuts, height)
+def _cuts(n_triangles: int, shift: float) -> list[int]:
+    """Where the strips begin and end in a mesh's triangles, which come row by row."""
+    n = max(min(SHARES, n_triangles // TRIANGLES_A_STRIP), 1)
+    inner = (np.arange(1, n) - 0.5 + shift) / n * n_triangles
+    return [0, *inner.astype(np.int64).tolist(), n_triangles]
