@@ -221,7 +221,7 @@ def fit_boundary_colors(
         sparse.eye_array(space.size, format="csr"), design, np.full(space.size, 1e-6), right
     )
     start = np.clip(right / np.maximum(mass, 1e-6)[:, None], 0, 1)
-    return solve_bounded(equations, start, 200, 1e-4)
+    return solve_bounded(equations, start, 200, 1e-3)
 
 
 @kernel
