@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from gcvec.greedy.strip import (
     ENTRIES,
+    FULL,
     MOST_CORNERS,
     NOBODY,
     SPARE,
@@ -111,7 +112,10 @@ def insert(strip, vertex, start):
                 n_entries += most_entries(strip, a, b, vertex)
                 _note(strip.corners, n_edges, a, b, beyond)
                 n_edges += 1
-    if n_edges != n_holes + 2 or strip.counts[ENTRIES] + n_entries > len(strip.pixel):
+    if n_edges != n_holes + 2:
+        return 0
+    if strip.counts[ENTRIES] + n_entries > len(strip.pixel):
+        strip.counts[FULL] = 1
         return 0
     patch, corners = strip.patch[holes[0]], strip.corners
     for i in range(n_holes):

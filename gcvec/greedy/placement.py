@@ -17,6 +17,7 @@ from gcvec.greedy.queues import NONE_FULL, Full, Queue, how_many, useful
 from gcvec.greedy.seats import Seats, image_of
 from gcvec.greedy.strip import (
     CANDIDATES,
+    FULL,
     NOBODY,
     TRIANGLES,
     VERTICES,
@@ -131,11 +132,15 @@ def _square(residual):
 
 @bare_kernel
 def _grow(strip, seats, queue, room, pull):
-    """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts down; those that
-    have changed meanwhile have to wait until colours have adapted."""
+    """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts down, as long as
+    the strip has room; those that have changed meanwhile have to wait until colours have adapted."""
     for t in queue:
+        if strip.counts[VERTICES] + 1 >= len(strip.domain):
+            strip.counts[FULL] = 1
+        if strip.counts[FULL]:
+            return
         patch = strip.patch[t]
-        if strip.gain[t] <= 0.0 or room[patch] == 0 or strip.counts[VERTICES] + 1 >= len(strip.domain):
+        if strip.gain[t] <= 0.0 or room[patch] == 0:
             continue
         n_new = _place(strip, seats, t, pull)
         strip.gain[t] = 0.0
@@ -276,7 +281,7 @@ class Placement:
             self._threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
             new, stuck = self._place([self._best(q, self._threshold) for q in queues])
             if not new and not stuck:
-                return any(strip.counts[VERTICES] + 1 >= len(strip.domain) for strip in self.strips)
+                return any(strip.counts[FULL] for strip in self.strips)
             placed += new
             self.settle()
         return True
@@ -338,14 +343,15 @@ class Placement:
 
     def _place(self, queues: list[Ints]) -> tuple[int, bool]:
         """Place points in these triangles of each strip. How many, and whether a patch that has a bound has
-        got none of them: it is asked no more then."""
+        got none of them in strips that are not full: it is asked no more then."""
 
         def grow(pair: tuple[Strip, Ints]) -> tuple[Ints, Ints]:
             strip, queue = pair
             asked = np.bincount(strip.patch[queue], minlength=self._n_patches)
             left = asked.copy()
             _grow(strip, self._seats, queue, left, self._pull)
-            return asked, asked - left
+            used = asked - left
+            return used if strip.counts[FULL] else asked, used
 
         asked, used = np.sum(in_turn(grow, list(zip(self.strips, queues, strict=True))), axis=0)
         if self._room is None:

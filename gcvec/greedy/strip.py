@@ -30,13 +30,14 @@ ENTRIES_A_POINT = 100
 
 NOBODY = -1
 
-TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP = range(5)
+TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP, FULL = range(6)
 
 
 class Strip(NamedTuple):
     """Mesh, coverage and error of a strip. Arrays have room for what comes.
 
-    counts      (5,) int64: triangles, vertices, entries, unused triangles, and a stamp for marks
+    counts      (6,) int64: triangles, vertices, entries, unused triangles, a stamp for marks, and 1 once a
+                point has found no room, else 0
     domain      (v, 2) vertices in the parameter domain
     image       (v, 2) where S takes them
     color       (v, 3)
@@ -140,7 +141,7 @@ def roomy_strip(
         return held
 
     made = Strip(
-        counts=np.array([n_triangles, n_vertices, 0, 0, 0]),
+        counts=np.array([n_triangles, n_vertices, 0, 0, 0, 0]),
         domain=roomy(domain, v),
         image=roomy(image, v),
         color=roomy(color, v),

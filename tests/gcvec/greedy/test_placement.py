@@ -7,7 +7,7 @@ import pytest
 
 from gcvec.greedy import begin
 from gcvec.greedy.placement import look_everywhere
-from gcvec.greedy.strip import VERTICES
+from gcvec.greedy.strip import ENTRIES, VERTICES
 from gcvec.parallel import use_workers
 from tests.gcvec.greedy.gardens import Garden, alive, garden, painted
 
@@ -157,13 +157,16 @@ def test_no_more_go_than_can() -> None:
     )
 
 
-def test_a_strip_without_room_is_no_reason_to_give_up() -> None:
+@pytest.mark.parametrize("left", [None, 2000], ids=["any number", "bounded"])
+@pytest.mark.parametrize("what", ["domain", "pixel"])
+def test_a_strip_without_room_is_no_reason_to_give_up(what: str, left: int | None) -> None:
     """The next round has more."""
-    made = garden("voronoi", 20)
-    made.placement.strips = [
-        strip._replace(domain=strip.domain[: strip.counts[VERTICES] + 4]) for strip in made.placement.strips
-    ]
+    made = garden("voronoi", 20, left)
+    (strip,) = made.placement.strips
+    used = strip.counts[{"domain": VERTICES, "pixel": ENTRIES}[what]]
+    scarce = getattr(strip, what)[: used + {"domain": 4, "pixel": 4000}[what]]
+    made.placement.strips = [strip._replace(**{what: scarce})]
     assert made.placement.grow(0.0, 1000)
     *_, new = made.placement.result()
-    assert 0 < new.sum() <= 4
+    assert 0 < new.sum() < 100
     assert made.placement.error > 0
