@@ -7,6 +7,7 @@ one before and store only the third, as its difference from the vertex before.
 from __future__ import annotations
 
 import zlib
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ STEP = 1 / 32.1
 lies exactly on one of its scan lines."""
 
 BLEED = 0.06
-"""How far the outermost vertices reach beyond the page, pixels."""
+"""How far vertices on the picture's frame reach beyond the page, pixels."""
 
 
 def pdf(image: VectorImage) -> bytes:
@@ -32,9 +33,11 @@ def pdf(image: VectorImage) -> bytes:
     width, height = image.width, image.height
     point = min(1.0, LARGEST_PAGE / max(width, height))
     triangles = drawn_triangles(image)
-    coordinate_bytes = 2 if (max(width, height) + 2 * BLEED) / STEP < 2**16 else 3
-    records = _records(triangles, width, height, coordinate_bytes)
-    decode = f"{-BLEED} {(2 ** (8 * coordinate_bytes) - 1) * STEP - BLEED:.10g}"
+    positions = _bleeding(triangles.positions, width, height)
+    least, most = float(positions.min()), float(positions.max())
+    coordinate_bytes = 2 if (most - least) / STEP < 2**16 else 3
+    records = _records(replace(triangles, positions=positions - least), coordinate_bytes)
+    decode = f"{least:.10g} {(2 ** (8 * coordinate_bytes) - 1) * STEP + least:.10g}"
     shading = (
         f"/ShadingType 4 /ColorSpace /DeviceRGB /BitsPerFlag 8 /BitsPerComponent 8"
         f" /BitsPerCoordinate {8 * coordinate_bytes} /Decode [{decode} {decode} 0 1 0 1 0 1]"
@@ -57,12 +60,20 @@ def pdf(image: VectorImage) -> bytes:
     )
 
 
-def _records(triangles: Triangles, width: int, height: int, coordinate_bytes: int) -> Bytes:
-    """`(n, bytes)`: flag, coordinates and colour of every vertex, in the order of the shading."""
+def _bleeding(positions: NDArray[np.float64], width: int, height: int) -> NDArray[np.float64]:
+    """Positions `(v, 2)`, those on the frame moved beyond it; an edit may have moved others further."""
+    size = np.array([width, height])
+    beyond = np.where(positions >= size, np.maximum(positions, size + BLEED), positions)
+    return np.where(positions <= 0, np.minimum(positions, -BLEED), beyond)
+
+
+def _records(triangles: Triangles, coordinate_bytes: int) -> Bytes:
+    """`(n, bytes)`: flag, coordinates and colour of every vertex, in the order of the shading.
+
+    Positions must not be below 0.
+    """
     flags, order = _chain(triangles.corners)
-    position, size = triangles.positions, (width, height)
-    position = np.where(position <= 0, -BLEED, np.where(position >= size, np.add(size, BLEED), position))
-    position = np.rint((position + BLEED) / STEP).astype(">u4")
+    position = np.rint(triangles.positions / STEP).astype(">u4")
     color = np.rint(triangles.colors * 255).astype(np.uint8)
     coordinates = (
         position.view(np.uint8).reshape(-1, 2, 4)[:, :, 4 - coordinate_bytes :].reshape(len(color), -1)

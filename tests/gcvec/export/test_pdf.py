@@ -7,15 +7,18 @@ from io import BytesIO
 
 import numpy as np
 import pypdfium2
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
 from gcvec import VectorImage
+from gcvec.edit import Move, edit
 from gcvec.export import pdf as module
 from gcvec.export.pdf import pdf
 from gcvec.export.triangles import drawn_triangles
 from tests.gcvec.export.fidelity import SCALE, assert_faithful, averaged
+from tests.pictures import drawing
 from tests.readers import require
 
 FINER = 4
@@ -39,6 +42,24 @@ def test_pdfium(image: VectorImage) -> None:
     pixels = document[0].render(scale=SCALE * FINER).to_numpy()[..., ::-1]
     assert_faithful(averaged(np.ascontiguousarray(pixels), FINER), image)
     document.close()
+
+
+def test_what_an_edit_moves_beyond_the_frame_keeps_its_place() -> None:
+    made = drawing()
+    outer = max(range(len(made.curves)), key=lambda c: made.curves[c].closed * made.curves[c].segments)
+    leftmost = int(made.curves[outer].control_points[:, 0].argmin())
+    edited = edit(made, [Move(outer, leftmost, -90, 0)])
+    least = drawn_triangles(edited).positions.min()
+    assert least < -10
+    decode = re.search(rb"/Decode \[(\S+)", pdf(edited))
+    assert decode is not None
+    assert float(decode[1]) == pytest.approx(least)
+
+
+def test_the_frame_bleeds() -> None:
+    positions = np.array([[-30, 5], [0, 5], [60, 40], [120, 80], [121, 200]], float)
+    bleeding = [[-30, 5], [-module.BLEED, 5], [60, 40], [120 + module.BLEED, 80 + module.BLEED], [121, 200]]
+    np.testing.assert_array_equal(module._bleeding(positions, 120, 80), bleeding)
 
 
 def test_no_gap_shows_the_paper(image: VectorImage) -> None:
