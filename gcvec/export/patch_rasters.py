@@ -35,6 +35,9 @@ MARGIN = 2
 REACH = 4.0
 """Samples nearer to the patch than this continue its colours; what lies beyond is never seen."""
 
+LEAST = 1e-3
+"""Of a sample the patch must cover more than this for the sample to have a colour."""
+
 
 @dataclass(frozen=True)
 class PatchRaster:
@@ -75,7 +78,8 @@ def _coarsest(painter: _Painter, finest: float) -> PatchRaster:
 
 @dataclass(frozen=True)
 class _Painted:
-    """A raster before rounding; the patch fills at least half of the samples `covered` `(h, w) bool`."""
+    """A raster before rounding; of the samples `covered` `(h, w) bool` the patch fills at least half, or as
+    much as of any."""
 
     origin: Floats
     step: float
@@ -111,13 +115,16 @@ class _Painter:
         width, height = np.ceil(self.extent / step).astype(int) + 2 * MARGIN
         vertices = (self.places - origin) / step
         painted = raster.paint(vertices, self.triangles, self.colors, self.triangles, width, height)
-        return _Painted(origin, step, _continued(painted), painted[..., 3] >= 0.5)
+        coverage = painted[..., 3]
+        if not (coverage > LEAST).any():  # an edit may have turned all of it over
+            painted[:] = self.colors.mean(axis=0)
+        return _Painted(origin, step, _continued(painted), coverage >= min(0.5, coverage.max()))
 
 
 def _continued(painted: Floats) -> Floats:
     """Colours `(h, w, 3)` of a raster whose fourth channel is coverage, continued beyond what is covered."""
     coverage = painted[..., 3]
-    covered = coverage > 1e-3
+    covered = coverage > LEAST
     distance, (row, column) = ndimage.distance_transform_edt(~covered, return_indices=True)
     colors = painted[row, column, :3] / coverage[row, column, None]
     colors[distance > REACH] = colors[covered].mean(axis=0)

@@ -11,11 +11,15 @@ import resvg_py
 from defusedxml import ElementTree
 from PIL import Image
 
-from gcvec import VectorImage
+from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 from gcvec.curves import bspline
+from gcvec.edit import Move, edit
+from gcvec.export import patch_rasters as module
+from gcvec.export.patch_rasters import patch_rasters
 from gcvec.export.svg import svg
 from tests.browser import Browser
 from tests.gcvec.export.fidelity import SCALE, assert_faithful
+from tests.pictures import drawing
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -51,6 +55,28 @@ def test_labels_may_be_anything(image: VectorImage) -> None:
     root = ElementTree.fromstring(svg(named))
     labels = [path.get("data-label") for path in root.findall(f".//{SVG}path")]
     assert (labels[0], labels[-1]) == ("a\ufffdb", "\ufffd")
+
+
+def test_a_patch_that_an_edit_has_turned_over() -> None:
+    """It covers nothing, and takes one colour."""
+    made = drawing()
+    inner = min(range(len(made.curves)), key=lambda c: (not made.curves[c].closed, made.curves[c].segments))
+    x = made.curves[inner].control_points[:, 0]
+    edited = edit(made, [Move(inner, i, 2 * (x.mean() - x[i]), 0) for i in range(len(x))])
+    assert edited.foldovers > 0
+    rasters = list(patch_rasters(edited))
+    assert [len(np.unique(each.samples.reshape(-1, 3), axis=0)) > 1 for each in rasters].count(False) == 1
+
+
+def test_a_patch_that_fills_no_half_of_a_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples of large pictures are large."""
+    pixels = np.full((60, 90, 3), 40, np.uint8)
+    pixels[:, 40:42] = 220
+    line = Shape("line", (np.array([[40, 0], [42, 0], [42, 60], [40, 60]], float),))
+    made = vectorize(pixels, Annotations((line,)), Options(snap=0))
+    monkeypatch.setattr(module, "MOST_SAMPLES", 50)
+    thin = list(patch_rasters(made))[made.labels.index("line")]
+    np.testing.assert_allclose(thin.samples.mean(axis=(0, 1)), 220, atol=3)
 
 
 def test_outlines_are_the_curves(image: VectorImage) -> None:
