@@ -31,22 +31,22 @@ def read_coco(
     """
     document = _parse(data)
     images = _objects(document, "images")
-    names = [str(image.get("file_name", "")) for image in images]
+    names = [_name(image, "file_name") for image in images]
     chosen = select_image(names, image_name, picture_name)
     image, place = images[chosen], f"images[{chosen}]"
     width, height = (_side(image.get(key, 0), limits, place) for key in ("width", "height"))
-    labels = {str(c.get("id")): str(c.get("name", c.get("id"))) for c in _objects(document, "categories")}
+    labels = {_name(c, "id"): _name(c, "name") or _name(c, "id") for c in _objects(document, "categories")}
 
     reader = _ShapeReader(width, height, limits)
     shapes: list[Shape] = []
     without_region = 0
     for index, annotation in enumerate(_objects(document, "annotations")):
-        if str(annotation.get("image_id")) != str(image.get("id")):
+        if _name(annotation, "image_id") != _name(image, "id"):
             continue
         if not annotation.get("segmentation") and not annotation.get("bbox"):
             without_region += 1
             continue
-        category = str(annotation.get("category_id"))
+        category = _name(annotation, "category_id")
         shapes.append(reader.shape(annotation, labels.get(category, category), f"annotations[{index}]"))
     warnings = (f"{without_region} annotations without a region left out",) if without_region else ()
     return Annotations(tuple(shapes), width, height, warnings)
@@ -75,11 +75,21 @@ def _objects(document: _Json, key: str) -> list[_Json]:
     return values
 
 
+def _whole(value: object) -> object:
+    """200 for 200.0, as programs that know only floats write it."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _name(of: _Json, key: str) -> str:
+    """What names something: 1, 1.0 and "1" are the same, null is as good as none."""
+    value = _whole(of.get(key))
+    return "" if value is None else str(value)
+
+
 def _side(value: object, limits: Limits, pointer: str) -> int:
-    """A width or height; 200.0 is one too, as programs that know only floats write it."""
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
-    if not isinstance(value, int) or not 0 <= value <= limits.max_side:
+    """A width or height."""
+    value = _whole(value)
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= limits.max_side:
         raise broken(f"{value!r} is not a width or height of 0 to {limits.max_side} pixels", pointer)
     return value
 

@@ -182,7 +182,7 @@ def test_lists_must_hold_objects(key: str) -> None:
         assert refusal({**document(), key: value}).code == "broken-annotations"
 
 
-@pytest.mark.parametrize("width", ["60", -1, 1.5, 16385, 10**30])
+@pytest.mark.parametrize("width", ["60", -1, 1.5, 16385, 10**30, True])
 def test_a_size_must_be_one(width: object) -> None:
     assert refusal(document(width=width)).code == "broken-annotations"
 
@@ -235,6 +235,17 @@ def test_any_document_reads_or_is_refused(part: object, key: str) -> None:
             assert error.code  # noqa: PT017
 
 
-def test_ids_may_be_numbers_here_and_text_there() -> None:
-    value = document({"segmentation": [LEFT], "image_id": "7"})
+@pytest.mark.parametrize("seven", ["7", 7.0])
+def test_ids_may_be_numbers_here_and_text_or_floats_there(seven: object) -> None:
+    value = document({"segmentation": [LEFT], "image_id": seven})
     assert len(read_coco(encoded(value)).shapes) == 1
+    value["images"][0]["id"] = seven
+    assert len(read_coco(encoded(value)).shapes) == 1
+    value = document({"segmentation": [LEFT], "category_id": 1.0})
+    assert read_coco(encoded(value)).shapes[0].label == "sky"
+
+
+def test_what_has_no_name_gets_none() -> None:
+    value = document({"segmentation": [LEFT], "category_id": None}, {"segmentation": [RIGHT]}, file_name=None)
+    value["categories"][0]["name"] = None
+    assert [shape.label for shape in read_coco(encoded(value)).shapes] == ["", "1"]
