@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -130,7 +131,7 @@ def _replace(path: Path, data: bytes) -> None:
         try:
             file.write(data)
             file.close()
-            os.chmod(file.name, 0o666 & ~_umask())
+            os.chmod(file.name, _mode(path))
             os.replace(file.name, path)
         except BaseException:
             os.unlink(file.name)
@@ -161,7 +162,10 @@ def warn(path: Path, warnings: Iterable[str]) -> None:
         print(f"gcvec: warning: {path}: {warning}", file=sys.stderr)
 
 
-def _umask() -> int:
+def _mode(path: Path) -> int:
+    """Who may read and write a file: as before where it is there already."""
+    if path.exists():
+        return stat.S_IMODE(path.stat().st_mode)
     umask = os.umask(0)
     os.umask(umask)
-    return umask
+    return 0o666 & ~umask

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -80,6 +81,18 @@ def test_a_link_stays_one_and_what_it_leads_to_is_written(tmp_path: Path, existi
     write(link, b"after")
     assert link.is_symlink()
     assert target.read_bytes() == b"after"
+
+
+def test_whoever_may_read_a_file_still_may_when_it_is_replaced_and_nobody_else(tmp_path: Path) -> None:
+    path = tmp_path / "out.gcv"
+    umask = os.umask(0o027)
+    write(path, b"new")
+    os.umask(umask)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    path.chmod(0o600)
+    write(path, b"newer")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert path.read_bytes() == b"newer"
 
 
 def test_a_link_into_no_folder_is_refused(
