@@ -33,6 +33,9 @@ _UPRIGHT = {
 }
 """EXIF orientation -> what turns the stored pixels upright."""
 
+_WHITE_IS_ZERO = 0
+"""How a TIFF says that its grey samples are those of a negative."""
+
 _PROFILE_MODES = {"RGB": "RGB", "GRAY": "L", "CMYK": "CMYK"}
 """ICC colour space -> the Pillow mode such a profile reads."""
 
@@ -197,8 +200,10 @@ def _eight_bit(image: Image.Image) -> Image.Image:
     if not image.mode.startswith("I;16"):
         return image
     samples = np.asarray(image).astype(np.uint16)
-    bits = image.tag_v2.get(258, (16,))[0] if isinstance(image, TiffImagePlugin.TiffImageFile) else 16
-    white = (1 << bits) - 1
+    tags = image.tag_v2 if isinstance(image, TiffImagePlugin.TiffImageFile) else {}
+    white = (1 << tags.get(TiffImagePlugin.BITSPERSAMPLE, (16,))[0]) - 1
+    if tags.get(TiffImagePlugin.PHOTOMETRIC_INTERPRETATION) == _WHITE_IS_ZERO:
+        samples = white - samples  # which Pillow does at 8 bits only
     grey = Image.fromarray(((samples.astype(np.uint32) * 255 + white // 2) // white).astype(np.uint8))
     transparent = image.info.get("transparency")
     if transparent is not None:

@@ -99,6 +99,16 @@ def test_16_bit_grey_is_rounded(kind: str) -> None:
     np.testing.assert_array_equal(picture.pixels, np.repeat(expected[..., None], 3, axis=-1))
 
 
+@pytest.mark.parametrize("compression", [None, "tiff_deflate"])
+def test_a_16_bit_tiff_whose_zero_is_white_is_no_negative(compression: str | None) -> None:
+    samples = np.linspace(0, 65535, 64).astype(np.uint16).reshape(8, 8)
+    data = encoded(Image.fromarray(samples), "TIFF", compression=compression)
+    photometric = struct.pack("<HHIHH", 262, 3, 1, 1, 0)
+    assert photometric in data
+    found = read_picture(data.replace(photometric, struct.pack("<HHIHH", 262, 3, 1, 0, 0))).pixels
+    np.testing.assert_array_equal(found, 255 - read_picture(data).pixels)
+
+
 def test_16_bit_grey_keeps_its_transparent_value() -> None:
     samples = np.array([[0, 30000], [40000, 65535]], dtype=np.uint16)
     picture = read_picture(encoded(Image.fromarray(samples), transparency=30000))
