@@ -171,10 +171,12 @@ def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageCloc
 
 def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
     """In one line, by how much the picture misses its target and why; nothing where it does not."""
-    mse = report.mse_raw if options.strategy == "paper" else report.mse
+    alone = options.strategy == "paper"  # each region then stops by its own error, else by the picture's
+    mse = report.mse_raw if alone else report.mse
     wanted = mse if options.target_bytes else options.target_mse
     bound = options.max_points
-    full = sum(bool(bound) and r.points >= FULL * bound and r.mse > wanted for r in report.regions)
+    enough = wanted if alone else 0.0
+    full = sum(bool(bound) and r.points >= FULL * bound and r.mse > enough for r in report.regions)
     held_back = f"{full} of {report.patches} regions hold the {bound} control points that max_points allows"
     if options.target_bytes:
         if not full or report.bytes >= CLOSE * options.target_bytes:

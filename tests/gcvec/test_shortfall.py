@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from skimage import data
 
-from gcvec import Options, VectorImage, vectorize
+from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 from tests.gcvec.scenes import SCENES, noise
 
 SENTENCE = re.compile(r"the mean squared error stays at (\d+\.\d\d), above the target of ([\d.]+): (.+)")
@@ -79,3 +79,21 @@ def test_a_file_that_cannot_grow_says_why() -> None:
     (warning,) = image.warnings
     why = r"\d+ of \d+ regions hold the 25 control points that max_points allows"
     assert re.fullmatch(rf"the file takes \d+ of 20000 bytes, no more: {why}", warning)
+
+
+@pytest.mark.parametrize("sizes", [{"target_mse": 320}, {"target_bytes": 20_000}])
+def test_a_full_region_is_counted_even_if_it_is_the_better_one(sizes: dict[str, float]) -> None:
+    """Its points would make up for what others lack: the target is the picture's."""
+    pixels = faint_noise()
+    pixels[:, :5] = noise(40, 40)[:, :5]
+    strip, rest = np.zeros((40, 40), bool), np.zeros((40, 40), bool)
+    strip[:, :5] = rest[:, 5:] = True
+    drawn = Annotations((Shape("strip", mask=strip), Shape("rest", mask=rest)))
+    image = vectorize(pixels, drawn, Options(max_points=600, snap=0, **sizes))
+    assert image.report is not None
+    noisy, faint = image.report.regions
+    assert noisy.points <= 200
+    assert faint.points == 600
+    assert faint.mse < 320 < image.report.mse < noisy.mse
+    (warning,) = image.warnings
+    assert warning.endswith("1 of 2 regions hold the 600 control points that max_points allows")
