@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 
@@ -14,7 +15,8 @@ def select_image(names: Sequence[str], image_name: str | None, picture_name: str
     """Index of the image meant, among the `names` an annotation file holds.
 
     `image_name` is a demand: it must be found. `picture_name`, the picture's own file name, is a hint: when
-    it is not found the only image is taken. Both match exactly, else by base name, else without ending.
+    it is not found the only image is taken. Both match exactly, else but for how accents
+    are encoded (macOS writes them apart from their letters), else by base name, else without ending.
 
     Raises `InputError` ("unknown-image") when there is none, or no way to choose.
     """
@@ -35,15 +37,19 @@ def select_image(names: Sequence[str], image_name: str | None, picture_name: str
 
 
 def _matches(names: Sequence[str], wanted: str) -> list[int]:
-    for key in (str, _base_name, _stem):
+    for key in (str, _composed, _base_name, _stem):
         found = [index for index, name in enumerate(names) if key(name) == key(wanted)]
         if found:
             return found
     return []
 
 
+def _composed(name: str) -> str:
+    return unicodedata.normalize("NFC", name)
+
+
 def _base_name(name: str) -> str:
-    return PurePosixPath(name.replace("\\", "/")).name
+    return PurePosixPath(_composed(name).replace("\\", "/")).name
 
 
 def _stem(name: str) -> str:

@@ -13,7 +13,7 @@ from service.idempotency import IdempotencyKey
 from service.jobs import service
 from service.jobs.repository import cursor, position
 from service.jobs.schemas import JobOptions, JobPage, JobView, Webhook, job_path, json_of
-from service.jobs.uploads import Upload, check_parts, read_file, read_options, read_webhook
+from service.jobs.uploads import Upload, check_parts, name_of, read_file, read_options, read_webhook
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -53,7 +53,7 @@ async def submit_job(
     """Queue a picture for vectorization. The answer's `Location` is the job."""
     upload = Upload(
         image=await read_file(image, "image", services.settings),
-        picture_name=image.filename or None,
+        picture_name=name_of(image),
         annotations=await read_file(annotations, "annotations", services.settings) if annotations else None,
         options=read_options(options),
         webhook=read_webhook(webhook, services.settings),

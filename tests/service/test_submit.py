@@ -42,6 +42,15 @@ def test_a_picture_becomes_a_queued_job(api: httpx.Client, settings: Settings, t
     assert (folder / "input/image").read_bytes() == IMAGE[1]
 
 
+@pytest.mark.parametrize(
+    ("sent", "annotated"), [('a "b".png', "a &quot;b&quot;.png"), ("gru\u0308n.png", "gr\u00fcn.png")]
+)
+def test_a_picture_is_found_by_its_name(api: httpx.Client, sent: str, annotated: str) -> None:
+    two = cvat("other.png").replace(b"</annotations>", cvat(annotated).partition(b"</version>")[2])
+    answer = api.post("/v1/jobs", files={"image": (sent, png()), "annotations": ("a.xml", two)})
+    assert answer.status_code == 202, answer.text
+
+
 def test_the_message_is_a_job_id_and_nothing_large_is_in_redis(api: httpx.Client, settings: Settings) -> None:
     job = api.post("/v1/jobs", files={"image": IMAGE, "annotations": ("a.xml", cvat())}).json()
     client = client_of(settings.broker_url)

@@ -18,6 +18,13 @@ def test_names_match_exactly_else_by_base_name_else_without_ending(wanted: str, 
     assert select_image(NAMES, wanted, "bird.png") == index
 
 
+@pytest.mark.parametrize("wanted", ["gru\u0308n.jpg", "gru\u0308n.png", "train/gru\u0308n.jpg"])
+def test_accents_may_be_encoded_in_another_way(wanted: str) -> None:
+    names = ["cat.jpg", "train/gr\u00fcn.jpg"]
+    assert select_image(names, None, wanted) == 1
+    assert select_image([wanted, "cat.jpg"], names[1], None) == 0
+
+
 def test_an_ambiguous_name_is_an_error_that_lists_the_matches() -> None:
     with pytest.raises(InputError, match=r"'train/cat.jpg', 'test/cat.jpg'") as error:
         select_image(NAMES, "cat.jpg", None)
