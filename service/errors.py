@@ -48,6 +48,9 @@ _SAYINGS: Final = {
 }
 _LONGEST_NAME: Final = 200
 _SHOULD: Final = re.compile(r"\w+ (?=should )")
+_UNTOLD_JSON: Final = problem(
+    "invalid-request", "the body should be sent as Content-Type: application/json", "/header/content-type"
+)
 _CODES = {401: "unauthorized", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
 
 
@@ -117,6 +120,8 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(_: Request, error: RequestValidationError) -> JSONResponse:
+        if isinstance(error.body, bytes):  # which the framework takes for JSON only if it is told so
+            return answer(_UNTOLD_JSON)
         first = error.errors()[0]
         where, path = _place(first, error.body)
         detail = explained(first, path, *_NAMES[where])

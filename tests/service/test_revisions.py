@@ -40,6 +40,17 @@ def test_edits_that_are_no_json_are_refused(api: httpx.Client, jobs: Jobs, text:
     assert (answer.status_code, answer.json()["pointer"]) == (422, "/body")
 
 
+@pytest.mark.parametrize("media_type", ["application/x-www-form-urlencoded", "text/plain", None])
+def test_edits_that_are_not_sent_as_json_are_told_so(
+    api: httpx.Client, jobs: Jobs, media_type: str | None
+) -> None:
+    headers = {"Content-Type": media_type} if media_type else {}
+    content = '{"recolors": [{"patch": 0, "color": "#204060"}]}'
+    answer = api.post(f"/v1/jobs/{jobs.finished()}/edits", content=content, headers=headers)
+    assert (answer.status_code, answer.json()["pointer"]) == (422, "/header/content-type")
+    assert "application/json" in answer.json()["detail"]
+
+
 def test_what_is_not_there_cannot_be_edited(api: httpx.Client, jobs: Jobs) -> None:
     assert api.post(f"/v1/jobs/{'0' * 32}/edits", json={}).status_code == 404
     assert api.post(f"/v1/jobs/{jobs.submit()}/edits", json={}).status_code == 409
