@@ -7,7 +7,7 @@ import math
 import re
 from ipaddress import ip_address
 from typing import Any, Final
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from fastapi import FastAPI
 from redis.exceptions import RedisError
@@ -81,10 +81,18 @@ class Gate:
     def _check_local(self, scope: Scope, headers: Headers) -> None:
         server: Any = scope.get("server") or ("", None)
         host, origin = headers.get("host", ""), headers.get("origin")
-        if not is_loopback(server[0]) or not is_loopback(urlsplit(f"//{host}").hostname or ""):
+        if not is_loopback(server[0]) or not is_loopback(_parts(f"//{host}").hostname or ""):
             raise ProblemError("forbidden", "without API keys the service is open on loopback only")
-        if origin is not None and urlsplit(origin).netloc != host and origin not in self._origins:
+        if origin is not None and _parts(origin).netloc != host and origin not in self._origins:
             raise ProblemError("forbidden", "pages of other sites may not use the service")
+
+
+def _parts(address: str) -> SplitResult:
+    """The parts of an address; none of one that cannot be read, which is then nobody's."""
+    try:
+        return urlsplit(address)
+    except ValueError:
+        return urlsplit("")
 
 
 def is_loopback(host: str) -> bool:
