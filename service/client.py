@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import httpx
 
 from gcvec.errors import InputError
 from gcvec.progress import OnProgress, Progress
+from worker.fields import known_fields
+
+T = TypeVar("T")
 
 _PATIENCE: Final = 10
 _PAUSE_SECONDS: Final = 1.0
 _LONGEST_PAUSE_SECONDS: Final = 60.0
+_BUSY: Final = (HTTPStatus.CONFLICT, HTTPStatus.TOO_MANY_REQUESTS)
 
 
 class BusyError(RuntimeError):
@@ -52,8 +58,15 @@ class Client:
         files = {"image": (image.name, image.read_bytes())}
         if annotations is not None:
             files["annotations"] = (annotations.name, annotations.read_bytes())
-        answer = self._http.post("/v1/jobs", files=files, data={"options": json.dumps(options)})
-        return _content(answer)
+        data = {"options": json.dumps(options)}
+        headers = {"Idempotency-Key": uuid.uuid4().hex}  # it is one job, however often it is sent
+
+        def send() -> dict[str, Any]:
+            answer = self._http.post("/v1/jobs", files=files, data=data, headers=headers)
+            _raise_if_busy(answer)
+            return _content(answer)
+
+        return _patiently(send)
 
     def follow(self, job: Mapping[str, Any], on_progress: OnProgress | None) -> dict[str, Any]:
         """Wait for the end of a job, telling of its progress; the job as it ended."""
@@ -64,7 +77,7 @@ class Client:
                 for identity, kind, data in self._events(job["links"]["events"], last):
                     last, failures = identity or last, 0
                     if kind == "progress" and on_progress is not None:
-                        on_progress(Progress(**data))
+                        on_progress(Progress(**known_fields(Progress, data)))
                     if kind == "state":
                         return data
             except (httpx.TransportError, BusyError) as error:
@@ -75,20 +88,20 @@ class Client:
                     pause = error.seconds
             time.sleep(pause)
 
-    def download(self, link: str, path: Path) -> None:
-        """Fetch a file of a job; one that is made on demand is asked for until it is there."""
-        for _ in range(_PATIENCE):
-            with self._http.stream("GET", link) as answer:
-                if answer.is_success:
-                    with path.open("wb") as file:
-                        for part in answer.iter_bytes():
-                            file.write(part)
-                    return
-                answer.read()
-            if answer.status_code != HTTPStatus.CONFLICT and not _is_busy(answer):
-                break
-            time.sleep(_pause(answer))
-        _content(answer)
+    def download(self, link: str) -> bytes:
+        """A file of a job; one that is made on demand is asked for until it is there."""
+
+        def fetch() -> bytes:
+            try:
+                answer = self._http.get(link)
+            except httpx.TransportError as error:
+                raise BusyError(str(error), _PAUSE_SECONDS) from error
+            _raise_if_busy(answer)
+            if answer.is_error:
+                raise _refusal(answer)
+            return answer.content
+
+        return _patiently(fetch)
 
     def _events(self, link: str, last: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """The events of a job after the one numbered `last`: id, kind and data of each."""
@@ -107,17 +120,19 @@ class Client:
                     event = {}
 
 
-def _is_busy(answer: httpx.Response) -> bool:
-    return answer.is_server_error or answer.status_code == HTTPStatus.TOO_MANY_REQUESTS
+def _patiently(step: Callable[[], T]) -> T:
+    """What a step comes to, which is done again while the service is busy."""
+    for _ in range(_PATIENCE):
+        try:
+            return step()
+        except BusyError as error:
+            time.sleep(error.seconds)
+    return step()
 
 
 def _raise_if_busy(answer: httpx.Response) -> None:
-    if not _is_busy(answer):
-        return
-    try:
-        _content(answer)
-    except (InputError, RuntimeError) as error:
-        raise BusyError(str(error), _pause(answer)) from None
+    if answer.is_server_error or answer.status_code in _BUSY:
+        raise BusyError(str(_refusal(answer)), _pause(answer))
 
 
 def _pause(answer: httpx.Response) -> float:
@@ -128,15 +143,21 @@ def _pause(answer: httpx.Response) -> float:
 
 def _content(answer: httpx.Response) -> dict[str, Any]:
     """The JSON of an answer. Raises InputError or RuntimeError for a problem document, or what is no JSON."""
+    if answer.is_error:
+        raise _refusal(answer)
     try:
         content: dict[str, Any] = answer.json()
     except ValueError:
         raise _stranger(answer) from None
-    if not answer.is_error:
-        return content
+    return content
+
+
+def _refusal(answer: httpx.Response) -> InputError | RuntimeError:
+    """What an answer means that is an error."""
     if answer.headers.get("content-type", "").startswith("application/problem+json"):
-        raise problem_error(content)
-    raise _stranger(answer)
+        with suppress(ValueError):
+            return problem_error(answer.json())
+    return _stranger(answer)
 
 
 def _stranger(answer: httpx.Response) -> InputError | RuntimeError:

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from gcvec.cli._files import STANDARD_STREAM, about, check_files, load_picture, read, warn, write
 from gcvec.cli._limits import limits
 from gcvec.cli._options import (
     INPUT_FILE,
     OUTPUT_FILE,
+    ignored_options,
     matte_option,
     picture_or_stdin_argument,
     vector_image_output_option,
@@ -78,7 +78,7 @@ def vectorize(
         raise click.BadParameter("needs --annotations", param_hint="'--image-name'")
     options = Options(**settings)
     check_files(inputs=(image, annotations), outputs=(output, report, preview))
-    ignored = _ignored_options(options, annotations)
+    ignored = ignored_options(settings, annotations)
     warn(image, ignored)
     picture = load_picture(image, matte)
     annotated = _load_regions(annotations, image_name, image.name) if annotations else None
@@ -97,22 +97,6 @@ def vectorize(
         from gcvec.export.png import png
 
         write(preview, png(result.picture))
-
-
-def _ignored_options(options: Options, annotations: Path | None) -> list[str]:
-    """What was asked for and has no effect beside the rest, one line each."""
-    source_of = click.get_current_context().get_parameter_source
-    reasons = (
-        ("regions", annotations is not None, "the annotations say what the regions are"),
-        ("snap", annotations is None, "there are no annotations"),
-        ("target_mse", options.target_bytes > 0, "--target-bytes decides"),
-        ("effort", options.strategy == "paper", "it is for the strategy batch"),
-    )
-    return [
-        f"--{name.replace('_', '-')} has no effect: {why}"
-        for name, is_ignored, why in reasons
-        if is_ignored and source_of(name) is ParameterSource.COMMANDLINE
-    ]
 
 
 def _load_regions(path: Path, image_name: str | None, picture_name: str) -> Annotations:

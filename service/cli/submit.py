@@ -11,7 +11,8 @@ from typing import Any
 import click
 from httpx import URL, HTTPError, InvalidURL
 
-from gcvec.cli._options import EXISTING_FILE, picture_argument, vectorization_options
+from gcvec.cli._files import check_files, warn, write
+from gcvec.cli._options import EXISTING_FILE, ignored_options, picture_argument, vectorization_options
 from gcvec.cli._progress import progress_bar
 from gcvec.errors import InputError
 from service.client import Client, problem_error
@@ -84,6 +85,9 @@ def submit(
 ) -> None:
     """Upload a picture to a service, watch the job and download its files."""
     output.mkdir(parents=True, exist_ok=True)
+    files = {name: output / kind.filename for name, kind in (KINDS | EXPORTS).items()}
+    check_files(inputs=(image, annotations), outputs=tuple(files.values()))
+    warn(image, ignored_options(options, annotations))
     with Client(url, key) as client:
         with _naming(image, annotations, url):
             job = client.submit(image, annotations, options)
@@ -93,7 +97,6 @@ def submit(
                 job = client.follow(job, on_progress)
             if job["status"] != "succeeded":
                 raise problem_error(job["error"] or {"status": 500, "detail": f"the job was {job['status']}"})
-            for warning in job["warnings"]:
-                print(f"gcvec: warning: {image}: {warning}", file=sys.stderr)
-            for name, kind in (KINDS | EXPORTS).items():
-                client.download(job["links"][name], output / kind.filename)
+            warn(image, job["warnings"])
+            for name, path in files.items():
+                write(path, client.download(job["links"][name]))

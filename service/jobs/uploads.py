@@ -106,7 +106,7 @@ async def check_parts(request: Request) -> None:
 
 
 def name_of(file: UploadFile) -> str | None:
-    """The name that a file has at the client: in a form a quotation mark is written as %22 (HTML, 4.10.21.8)."""
+    """The name of the client's file, in which a form writes a quotation mark as %22 (HTML, 4.10.21.8)."""
     return (file.filename or "").replace("%22", '"') or None
 
 

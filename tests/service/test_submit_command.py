@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NoReturn
@@ -17,7 +17,7 @@ from service import client
 from service.jobs.repository import JobRepository
 from tests.conftest import client_of
 from tests.servers import in_background
-from tests.service.conftest import cvat, png
+from tests.service.conftest import Jobs, cvat, png, serving
 from worker.problems import problem
 from worker.records import ACTIVE, JobRecords, finish
 from worker.settings import Settings
@@ -88,6 +88,24 @@ def test_an_address_that_is_none_is_bad_input(
 ) -> None:
     assert repr(url) in said(capsys, url, "photo.png")
     assert not (folder / "out").exists()
+
+
+def test_no_file_of_the_users_is_written_over(
+    api: httpx.Client, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "out").mkdir()
+    picture = folder / "out" / "preview.png"
+    picture.write_bytes(png())
+    line = said(capsys, str(api.base_url), "out/preview.png")
+    assert line == "gcvec: out/preview.png: would be written over another file of this command"
+    assert picture.read_bytes() == png()
+    assert api.get("/v1/jobs").json()["jobs"] == []
+
+
+def test_an_option_that_has_no_effect_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["submit", "photo.png", "--snap", "3", "--url", "http://127.0.0.1:1", "-o", "out"]) == 1
+    warning, _ = capsys.readouterr().err.splitlines()
+    assert warning == "gcvec: warning: photo.png: --snap has no effect: there are no annotations"
 
 
 @pytest.fixture
@@ -165,3 +183,39 @@ def test_who_interrupts_learns_where_the_job_is(
     meanwhile(interrupt)
     line = said(capsys, str(api.base_url), "photo.png", code=130)
     assert line.endswith(f"{api.base_url}/v1/jobs/{job_of(settings)}")
+
+
+def test_who_has_too_many_jobs_sends_one_more_later(
+    settings: Settings, folder: Path, meanwhile: Callable[..., None]
+) -> None:
+    def cancel(seconds: float) -> None:
+        pauses.append(seconds)
+        assert api.delete(f"/v1/jobs/{first}").status_code == 204
+
+    pauses: list[float] = []
+    meanwhile(cancel)
+    with serving(settings.model_copy(update={"max_unfinished_jobs": 1})) as api:
+        first = Jobs(api, settings).submit()
+        with client.Client(str(api.base_url)) as asking:
+            second = asking.submit(folder / "photo.png", None, {})
+        assert pauses == [10]
+        assert [job["id"] for job in api.get("/v1/jobs").json()["jobs"]] == [second["id"], first]
+
+
+def test_a_file_whose_connection_breaks_is_asked_for_again(meanwhile: Callable[..., None]) -> None:
+    class Breaking(BaseHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", "10")
+            self.end_headers()
+            self.wfile.write(b"0123456789"[: 10 if pauses else 5])
+
+    pauses: list[float] = []
+    meanwhile(pauses.append)
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Breaking)
+    with in_background(server), client.Client(f"http://127.0.0.1:{server.server_port}") as asking:
+        assert asking.download("/file") == b"0123456789"
+    assert pauses == [1]
