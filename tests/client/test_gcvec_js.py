@@ -67,11 +67,16 @@ def open_page(page: Page, site: str, name: str) -> None:
 
 
 def pixels(page: Page, x: float, y: float, scale: float) -> np.ndarray:
-    """What is on the canvas once it shows the picture from `x`, `y` on at `scale`, read back from it."""
+    """What is on the canvas once it shows the picture from `x`, `y` on at `scale`, without its opacity."""
+    return drawn(page, x, y, scale)[..., :3]
+
+
+def drawn(page: Page, x: float, y: float, scale: float) -> np.ndarray:
+    """The same, with its opacity, read back from it."""
     data = page.evaluate(
         f"view.look({x}, {y}, {scale}), view.draw(), view.canvas.toDataURL('image/png').split(',')[1]"
     )
-    return np.asarray(Image.open(BytesIO(b64decode(data))).convert("RGB")).astype(int)
+    return np.asarray(Image.open(BytesIO(b64decode(data))).convert("RGBA")).astype(int)
 
 
 @pytest.mark.parametrize("name", ["webgl", "software"])
@@ -177,3 +182,23 @@ def test_the_original_is_shown_left_of_the_split(
         split = pixels(page, 0, 0, 1)
         assert (split[:, : WIDTH // 4] == (0, 255, 0)).all()
         assert (split[:, WIDTH // 4 :] == plain[:, WIDTH // 4 :]).all()
+
+
+@pytest.mark.parametrize("name", ["webgl", "software"])
+@pytest.mark.parametrize("kind", ["canvas", "bitmap"])
+def test_an_original_that_is_transparent_is_shown_so(
+    browser: Browser, site: str, name: str, kind: str
+) -> None:
+    with browser.page(WIDTH, HEIGHT) as page:
+        open_page(page, site, name)
+        page.evaluate(f"""(async () => {{
+            const clear = new OffscreenCanvas({WIDTH}, {HEIGHT});
+            const context = clear.getContext("2d");
+            context.fillStyle = "rgb(0 255 0 / 50%)";
+            context.fillRect({WIDTH // 2}, 0, {WIDTH}, {HEIGHT});
+            view.setOriginal("{kind}" === "bitmap" ? await createImageBitmap(clear) : clear);
+            view.split = 1;
+        }})()""")
+        shown = drawn(page, 0, 0, 1)
+        assert (shown[:, : WIDTH // 2 - 1] == 0).all()
+        assert np.abs(shown[:, WIDTH // 2 + 1 :] - (0, 255, 0, 128)).max() <= 2

@@ -28,6 +28,7 @@ export class SoftwarePainter {
       context.beginPath();
       context.rect(0, 0, Math.round(share * canvas.width), canvas.height);
       context.clip();
+      context.clearRect(0, 0, canvas.width, canvas.height);
       context.imageSmoothingEnabled = place.scale < 1;
       const { scale, x, y } = place;
       context.drawImage(this.photo, -x * scale, -y * scale, width * scale, height * scale);

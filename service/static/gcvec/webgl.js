@@ -43,7 +43,7 @@ const PHOTO = [
     gl_Position = clip(onCanvas(at * extent));
   }`,
   `in vec2 at; uniform sampler2D photo; out vec4 pixel;
-  void main() { pixel = vec4(texture(photo, at).rgb, 1); }`,
+  void main() { pixel = texture(photo, at); }`,
 ];
 
 export class WebGLPainter {
@@ -82,6 +82,7 @@ export class WebGLPainter {
     this.photo = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.photo);
     const picture = fitted(original, gl.getParameter(gl.MAX_TEXTURE_SIZE));
+    gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, true); // as the canvas has its colours
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, picture);
     gl.generateMipmap(gl.TEXTURE_2D);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
