@@ -202,3 +202,23 @@ def test_an_original_that_is_transparent_is_shown_so(
         shown = drawn(page, 0, 0, 1)
         assert (shown[:, : WIDTH // 2 - 1] == 0).all()
         assert np.abs(shown[:, WIDTH // 2 + 1 :] - (0, 255, 0, 128)).max() <= 2
+
+
+def test_a_result_that_takes_the_place_of_another_takes_its_memory(browser: Browser, site: str) -> None:
+    counted = """for (const kind of ["Buffer", "VertexArray"]) {
+        for (const [step, by] of [["create", 1], ["delete", -1]]) {
+            const real = WebGL2RenderingContext.prototype[step + kind];
+            WebGL2RenderingContext.prototype[step + kind] = function (...more) {
+                window.held = (window.held ?? 0) + by;
+                return real.apply(this, more);
+            };
+        }
+    }"""
+    with browser.page(WIDTH, HEIGHT) as page:
+        page.send("Page.addScriptToEvaluateOnNewDocument", source=counted)
+        open_page(page, site, "webgl")
+        before, held = pixels(page, 0, 0, 1), page.evaluate("held")
+        page.evaluate("view.load(view.result)")
+        assert page.evaluate("held") == held > 0
+        assert (pixels(page, 0, 0, 1) == before).all()
+        assert page.errors == []

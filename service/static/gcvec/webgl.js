@@ -51,27 +51,55 @@ export class WebGLPainter {
     this.gl = gl;
     this.programs = { mesh: program(gl, MESH), lines: program(gl, LINES), photo: program(gl, PHOTO) };
     this.nothing = gl.createVertexArray();
+    this.arrays = [];
+    this.buffers = [];
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
   load({ positions, colors, triangles }, overlays) {
     const { gl } = this;
-    this.mesh = gl.createVertexArray();
+    this._forget();
+    this.mesh = this._vertexArray();
     this.corners = triangles.length;
-    gl.bindVertexArray(this.mesh);
-    attribute(gl, 0, 2, positions);
-    attribute(gl, 1, 3, colors);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+    this._attribute(0, 2, positions);
+    this._attribute(1, 3, colors);
+    this._fill(gl.ELEMENT_ARRAY_BUFFER, triangles);
     this.overlays = {};
     for (const [name, pieces] of Object.entries(overlays)) {
-      const lines = gl.createVertexArray();
-      gl.bindVertexArray(lines);
-      attribute(gl, 0, 4, pieces);
+      const lines = this._vertexArray();
+      this._attribute(0, 4, pieces);
       gl.vertexAttribDivisor(0, 1);
       this.overlays[name] = { lines, count: pieces.length / 4 };
     }
     gl.bindVertexArray(null);
+  }
+
+  /** Give back what holds the picture drawn so far: an edited one may take its place again and again. */
+  _forget() {
+    for (const array of this.arrays) this.gl.deleteVertexArray(array);
+    for (const buffer of this.buffers) this.gl.deleteBuffer(buffer);
+    this.arrays = [];
+    this.buffers = [];
+  }
+
+  _vertexArray() {
+    const array = this.gl.createVertexArray();
+    this.arrays.push(array);
+    this.gl.bindVertexArray(array);
+    return array;
+  }
+
+  _fill(target, values) {
+    const buffer = this.gl.createBuffer();
+    this.buffers.push(buffer);
+    this.gl.bindBuffer(target, buffer);
+    this.gl.bufferData(target, values, this.gl.STATIC_DRAW);
+  }
+
+  _attribute(location, size, values) {
+    this._fill(this.gl.ARRAY_BUFFER, values);
+    this.gl.enableVertexAttribArray(location);
+    this.gl.vertexAttribPointer(location, size, this.gl.FLOAT, false, 0, 0);
   }
 
   setOriginal(original) {
@@ -166,11 +194,4 @@ function program(gl, sources) {
     uniforms[name] = gl.getUniformLocation(linked, name);
   }
   return { program: linked, uniforms };
-}
-
-function attribute(gl, location, size, values) {
-  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
-  gl.enableVertexAttribArray(location);
-  gl.vertexAttribPointer(location, size, gl.FLOAT, false, 0, 0);
 }
