@@ -59,7 +59,12 @@ export const callChecked = async (url, options) => checked(await call(url, optio
 export const callJson = async (url, options) => (await callChecked(url, options)).json();
 
 /** The same, across outages; `onAway` is told of them. */
-export const awaitJson = async (url, onAway) => (await checked(await callPatiently(url, {}, onAway))).json();
+export const awaitJson = async (url, onAway) => (await awaitChecked(url, onAway)).json();
+
+/** A file as a Blob, across outages. */
+export const awaitBlob = async (url) => (await awaitChecked(url)).blob();
+
+const awaitChecked = async (url, onAway) => checked(await callPatiently(url, {}, onAway));
 
 /** A file as a Blob. */
 export const callBlob = async (url) => (await callFile(url)).blob();

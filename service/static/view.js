@@ -1,7 +1,7 @@
 /** The page of one job: its progress while it runs, then its patches. */
 
 import { GcvecView } from "./gcvec.js";
-import { awaitJson, call, callChecked, callFile, eventsOf } from "./session.js";
+import { awaitBlob, awaitJson, callChecked, callFile, eventsOf } from "./session.js";
 
 const element = (id) => document.getElementById(id);
 const address = location.pathname.replace(/\/view$/, "");
@@ -88,7 +88,8 @@ function showProgress(progress) {
 function drawProgress() {
   drawing = 0;
   const { phase = "queued", fraction = 0, mse = null, points = 0, iteration = 0 } = latest ?? {};
-  element("phase").textContent = PHASES[phase] ?? phase;
+  const title = PHASES[phase] ?? phase;
+  if (element("phase").textContent !== title) element("phase").textContent = title; // it is read out
   element("fraction").value = fraction;
   document.title = `${Math.round(100 * fraction)}% · gcvec`;
   if (mse === null) return;
@@ -240,7 +241,11 @@ function connectTools(view) {
 }
 
 function closeMenus(except) {
-  for (const menu of document.querySelectorAll("details.menu")) if (!menu.contains(except)) menu.open = false;
+  for (const menu of document.querySelectorAll("details.menu[open]")) {
+    if (menu.contains(except)) continue;
+    if (menu.contains(document.activeElement)) menu.querySelector("summary").focus(); // not lost with the sheet
+    menu.open = false;
+  }
 }
 
 function press(button) {
@@ -253,9 +258,9 @@ function press(button) {
 async function connectOriginal(view, url) {
   const toggle = element("compare-toggle");
   toggle.disabled = true;
-  const answer = await call(url);
-  if (!answer.ok) return;
-  const photo = await createImageBitmap(await answer.blob(), { imageOrientation: "from-image" }).catch(() => null);
+  const photo = await awaitBlob(url)
+    .then((blob) => createImageBitmap(blob, { imageOrientation: "from-image" }))
+    .catch(() => null);
   if (!photo) return;
   view.setOriginal(photo);
   toggle.disabled = false;

@@ -11,6 +11,7 @@ import pytest
 
 from tests.browser import Browser
 from tests.conftest import RunningService
+from tests.e2e.test_client_progress import failing
 from tests.service.conftest import png
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
@@ -42,6 +43,45 @@ def test_the_sheets_are_all_on_the_screen_of_a_phone(browser: Browser, job: str,
             assert box["right"] <= width
             assert page.evaluate(f"{menu}.querySelector('summary').offsetHeight") <= 40
             page.evaluate(f"{menu}.open = false")
+
+
+@pytest.mark.parametrize("width", [320, 360, 412])
+def test_the_form_stays_within_its_card(
+    browser: Browser, running_service: RunningService, width: int
+) -> None:
+    with browser.page(width, 640, touch=True) as page:
+        page.open(f"{running_service.url}/")
+        page.evaluate("document.querySelector('form details').open = true")
+        left, right = page.evaluate(
+            "(({ left, right }) => [left, right])(document.getElementById('form').getBoundingClientRect())"
+        )
+        boxes = page.evaluate(
+            "[...document.querySelectorAll('#form *')].map((part) => part.getBoundingClientRect().toJSON())"
+        )
+        assert all(left < box["left"] and box["right"] <= right - 16 for box in boxes if box["width"])
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_escape_closes_a_menu_and_stays_where_it_was(browser: Browser, job: str) -> None:
+    with browser.page(900, 700) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        page.evaluate("document.querySelectorAll('details.menu')[1].open = true")
+        page.evaluate("document.querySelector('#downloads a').focus()")
+        page.press("Escape")
+        assert page.evaluate("document.querySelectorAll('details.menu[open]').length") == 0
+        assert page.evaluate("document.activeElement.textContent") == "Download"
+
+
+def test_a_photo_that_does_not_come_at_once_hides_no_patches(browser: Browser, job: str) -> None:
+    path = httpx.URL(f"{job}/image").path
+    with browser.page(900, 700) as page:
+        page.send("Page.addScriptToEvaluateOnNewDocument", source=failing("GET", path))
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        page.wait_for("!document.getElementById('compare-toggle').disabled")
+        assert page.evaluate("away") == 0
+        assert page.evaluate("document.getElementById('problem').hidden")
 
 
 def test_warnings_are_counted_where_they_can_be_looked_at(browser: Browser, job: str) -> None:

@@ -56,6 +56,26 @@ def test_what_has_happened_so_far_is_soon_drawn(browser: Browser, api: httpx.Cli
         assert page.errors == []
 
 
+def test_only_a_new_phase_is_read_out(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    job_id = begun(jobs, 100)
+    with browser.page(900, 700) as page:
+        page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+        page.wait_for("document.getElementById('iteration').textContent === '1'")
+        page.evaluate("""
+            window.told = [];
+            for (const region of document.querySelectorAll("[aria-live], [role=status]")) {
+                new MutationObserver(() => told.push(region.textContent))
+                    .observe(region, { childList: true, characterData: true, subtree: true });
+            }
+        """)
+        for number in (2, 3):
+            assert jobs.records.run(report(job_id, 1, [iteration(number, 100 / number)]))
+            page.wait_for(f"document.getElementById('iteration').textContent === '{number}'")
+        assert jobs.records.run(report(job_id, 1, [{**iteration(3, None), "phase": "encode"}]))
+        page.wait_for("told.length")
+        assert page.evaluate("told") == ["Writing the file"]
+
+
 def failing(method: str, path: str) -> str:
     """JavaScript that has the next two calls of a method to a path fail: a network's way, then a proxy's."""
     broken = "away ? Promise.reject(new TypeError('away')) : new Response('<html>', { status: 502 })"
