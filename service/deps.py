@@ -67,7 +67,7 @@ async def get_job(job_id: JobId, request: Request, _: Annotated[object, Security
     found_owner, job = await _services(request).jobs.find(job_id)
     if found_owner != _owner(request):
         raise ProblemError("not-found", "there is no job of this id")
-    if job is None or job.expired:
+    if job is None:
         raise ProblemError("gone", "the job has expired or was deleted")
     logs.from_now_on_about(job_id)
     return job

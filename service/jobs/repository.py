@@ -89,7 +89,8 @@ class JobRepository:
     async def find(self, job_id: str) -> tuple[str | None, Job | None]:
         """The owner and the job; (owner, None) of a job that is gone, (None, None) of one that never was."""
         fields: Mapping[str, str] = await self._client.hgetall(record_key(job_id))
-        return fields.get("owner"), Job.from_fields(job_id, fields)
+        job = Job.from_fields(job_id, fields)
+        return fields.get("owner"), None if job is None or job.expired else job
 
     async def stored(self, owner: str) -> int:
         """Bytes that the owner's files come to."""

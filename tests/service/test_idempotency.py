@@ -12,6 +12,7 @@ from service.errors import ProblemError
 from service.idempotency import Idempotency
 from service.jobs.repository import connect as connect_async
 from tests.service.conftest import Jobs, cvat, png
+from worker.records import finish
 from worker.settings import Settings
 
 IMAGE = ("a.png", png())
@@ -70,6 +71,12 @@ def test_a_key_whose_job_was_deleted_says_so(api: httpx.Client, jobs: Jobs) -> N
     api.delete(job["links"]["self"])
     assert submit(api, "k").json()["status"] == "canceled"
     api.delete(job["links"]["self"])
+    answer = submit(api, "k")
+    assert (answer.status_code, answer.json()["type"]) == (410, "urn:gcvec:problem:gone")
+
+
+def test_a_key_whose_job_has_expired_says_so(api: httpx.Client, jobs: Jobs) -> None:
+    jobs.records.run(finish(submit(api, "k").json()["id"], "succeeded", retention=0))
     answer = submit(api, "k")
     assert (answer.status_code, answer.json()["type"]) == (410, "urn:gcvec:problem:gone")
 

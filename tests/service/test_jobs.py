@@ -117,6 +117,14 @@ def test_an_expired_job_is_gone_before_it_is_swept(api: httpx.Client, jobs: Jobs
     assert api.get(f"/v1/jobs/{job_id}").status_code == 410
 
 
+def test_an_expired_job_is_listed_no_more(api: httpx.Client, jobs: Jobs) -> None:
+    oldest, expired, newest = (jobs.submit() for _ in range(3))
+    jobs.records.run(finish(expired, "succeeded", retention=0))
+    page = api.get("/v1/jobs?limit=2").json()
+    assert [job["id"] for job in page["jobs"]] == [newest, oldest]
+    assert page["next"] is None
+
+
 def test_jobs_are_listed_newest_first_page_by_page(api: httpx.Client, jobs: Jobs) -> None:
     ids = [jobs.submit() for _ in range(5)]
     seen: list[str] = []
