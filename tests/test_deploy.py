@@ -149,6 +149,13 @@ def test_workers_have_what_their_work_needs() -> None:
     assert pod("worker")["spec"]["terminationGracePeriodSeconds"] > int(config["GCVEC_JOB_SECONDS"])
 
 
+def test_redis_is_full_before_the_kernel_kills_it() -> None:
+    found = container("redis")
+    most = found["command"][found["command"].index("--maxmemory") + 1]
+    limit = found["resources"]["limits"]["memory"]
+    assert float(most.removesuffix("mb")) * 2**20 < 0.75 * float(limit.removesuffix("Gi")) * 2**30
+
+
 def test_the_bucket_variant_takes_away_the_volume_and_nothing_else() -> None:
     patches = yaml.safe_load((DEPLOY / "s3" / "kustomization.yaml").read_text())["patches"]
     claim, unmount = (yaml.safe_load(patch["patch"]) for patch in patches)
