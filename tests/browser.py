@@ -168,3 +168,11 @@ def _wait_until(condition: Any, seconds: float, what: str = "the browser") -> No
     while not condition():
         assert time.monotonic() < deadline, f"not within {seconds} s: {what}"
         time.sleep(0.05)
+
+
+def failing(method: str, path: str) -> str:
+    """JavaScript that has the next two calls of a method to a path fail: a network's way, then a proxy's."""
+    broken = "away ? Promise.reject(new TypeError('away')) : new Response('<html>', { status: 502 })"
+    ours = f"(more?.method ?? 'GET') === '{method}' && String(url) === '{path}'"
+    step = f"(real) => (url, more) => {ours} && away && away-- ? {broken} : real(url, more)"
+    return f"window.away = 2; window.fetch = ({step})(fetch); 0"

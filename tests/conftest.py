@@ -3,60 +3,19 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cache, partial
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
 
 import pytest
-import redis
 
 from service.broker import private_broker, wait_until_ready
+from tests.broker import client_of
 from tests.browser import Browser
+from tests.running_service import RunningService, start_service
+from tests.servers import in_background
+from tests.webhook_receiver import Receiver
 from worker.process import die_with
-from worker.records import connect
-
-
-@dataclass
-class RunningService:
-    """A `gcvec serve` that answers at `url`."""
-
-    process: subprocess.Popen[str]
-    url: str
-    data: Path
-    log: Path
-
-    def stop(self, how: signal.Signals = signal.SIGTERM) -> int:
-        """Ask it to end; its exit code."""
-        self.process.send_signal(how)
-        try:
-            self.process.communicate(timeout=30)
-        finally:
-            self.process.kill()
-        return self.process.returncode
-
-
-def start_service(data: Path, *options: str, **environment: str) -> RunningService:
-    """Start `gcvec serve` on a free port and wait until it says that it is ready."""
-    log = data.parent / f"{data.name}.log"
-    with log.open("w") as errors:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "gcvec.cli", "serve", "--port", "0", "--data", str(data), *options],
-            env={**os.environ, **environment},
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            text=True,
-        )
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    if not line.startswith("gcvec serves "):
-        process.kill()
-        pytest.fail(f"the service did not start: {line}{log.read_text()}")
-    return RunningService(process, line.split()[-1], data, log)
 
 
 @pytest.fixture(scope="session")
@@ -91,20 +50,8 @@ def broker_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     process.wait(10)
 
 
-@cache
-def client_of(broker_url: str) -> redis.Redis:
-    """The one connection of all tests to their broker; `broker_url` closes it."""
-    return connect(broker_url, patient=False)
-
-
 @pytest.fixture
-def eventually() -> Callable[..., None]:
-    """Wait until a condition holds; fail if it does not within some seconds."""
-
-    def wait(condition: Callable[[], object], seconds: float = 10) -> None:
-        deadline = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < deadline, f"not within {seconds} s"
-            time.sleep(0.05)
-
-    return wait
+def receiver() -> Iterator[Receiver]:
+    server = Receiver()
+    with in_background(server):
+        yield server

@@ -12,7 +12,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from PIL import Image
 
 from service.broker import private_broker, wait_until_ready
 from tests.event_stream import events_of
+from tests.waiting import within
 from worker.app import QUEUES
 from worker.process import die_with
 from worker.records import Job, JobRecords, connect
@@ -183,6 +184,15 @@ class Fleet:
         job = self.job(job_id)
         return job.attempt == attempt and job.progress is not None and job.progress["phase"] == "refine"
 
+    def ends_of(self, job_id: str) -> list[str]:
+        """The terminal states that the job's events tell of."""
+        entries = self.client.xrange(f"gcvec:events:{job_id}")
+        return [entry["data"] for _, entry in entries if entry["type"] == "state"]
+
+    def attempts_of(self, job_id: str) -> set[str]:
+        """The attempts of a job that have left files."""
+        return {path.split("/")[2] for path in self.files(job_id) if "/attempt-" in path}
+
     def close(self) -> None:
         self.client.close()
         for api in self._apis:
@@ -252,11 +262,3 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
-
-
-def within(seconds: float, condition: Callable[[], object]) -> None:
-    """Wait until a condition holds; fail if it does not within `seconds`."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, f"not within {seconds} s"
-        time.sleep(0.05)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http.server import SimpleHTTPRequestHandler
 from socketserver import BaseServer
 
 
@@ -19,3 +20,10 @@ def in_background(server: BaseServer) -> Iterator[None]:
         finally:
             server.shutdown()
             thread.join()
+
+
+class QuietFiles(SimpleHTTPRequestHandler):
+    """Serves the files of a folder and says nothing of it."""
+
+    def log_message(self, *arguments: object) -> None:
+        pass

@@ -7,7 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from http.server import ThreadingHTTPServer
 from pathlib import Path
@@ -21,11 +21,12 @@ from skimage import data
 
 from gcvec import VectorImage
 from tests.browser import Browser
-from tests.client.test_gcvec_js import STATIC, Quiet
-from tests.conftest import RunningService
-from tests.servers import in_background
+from tests.running_service import RunningService
+from tests.servers import QuietFiles, in_background
+from tests.waiting import within
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
+STATIC = Path(__file__).parents[1] / "service" / "static"
 ADDRESS = "http://127.0.0.1:8000"
 SIDE = 96
 
@@ -123,15 +124,13 @@ def site(commands: Path, tmp_path: Path) -> Iterator[str]:
     html = block("html", "GcvecView")
     head = '<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,"><style>body{margin:0}</style>'
     (tmp_path / "site" / "page.html").write_text(head + html)
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path / "site")))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietFiles, directory=str(tmp_path / "site")))
     with in_background(server):
         yield f"http://127.0.0.1:{server.server_port}/page.html"
 
 
 @pytest.mark.browser
-def test_the_page_draws_the_result(
-    browser: Browser, commands: Path, site: str, eventually: Callable[..., None]
-) -> None:
+def test_the_page_draws_the_result(browser: Browser, commands: Path, site: str) -> None:
     with browser.page(2 * SIDE, 2 * SIDE) as page:
         page.open(site)
         middle = VectorImage.load(commands / "photo.gcv").render(2)[SIDE, SIDE].astype(int)
@@ -139,5 +138,5 @@ def test_the_page_draws_the_result(
         def drawn() -> np.ndarray:
             return np.asarray(page.screenshot())[SIDE, SIDE, :3].astype(int)
 
-        eventually(lambda: np.abs(drawn() - middle).max() < 24, 30)
+        within(30, lambda: np.abs(drawn() - middle).max() < 24)
         assert page.errors == []

@@ -6,7 +6,7 @@ import json
 from base64 import b64decode
 from collections.abc import Iterator
 from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import ThreadingHTTPServer
 from io import BytesIO
 from pathlib import Path
 from shutil import copytree
@@ -19,7 +19,7 @@ from gcvec import VectorImage
 from gcvec.curves import bspline
 from tests.browser import Browser, Page
 from tests.pictures import HEIGHT, WIDTH, drawing, photo
-from tests.servers import in_background
+from tests.servers import QuietFiles, in_background
 
 pytestmark = pytest.mark.browser
 
@@ -37,11 +37,6 @@ PAGE = """<!doctype html><meta charset="utf-8"><meta name="viewport" content="wi
 </script>"""
 
 
-class Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *arguments: object) -> None:
-        pass
-
-
 @pytest.fixture(scope="module", params=[photo, drawing], ids=lambda make: make.__name__)
 def image(request: pytest.FixtureRequest) -> VectorImage:
     made: VectorImage = request.param()
@@ -56,7 +51,7 @@ def site(image: VectorImage, tmp_path: Path) -> Iterator[str]:
     (folder / "result.json").write_text(json.dumps(image.description()))
     for name, options in (("webgl.html", "{}"), ("software.html", "{ software: true }")):
         (folder / name).write_text(PAGE.replace("OPTIONS", options))
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietFiles, directory=str(folder)))
     with in_background(server):
         yield f"http://127.0.0.1:{server.server_port}"
 

@@ -15,22 +15,11 @@ import pytest
 from PIL import Image
 
 from gcvec.io import DEFAULT_LIMITS, probe_picture, read_annotations
-from tests.contract.conftest import (
-    BOX,
-    GROUND,
-    HEIGHT,
-    WIDTH,
-    cvat,
-    encoded,
-    ended,
-    gcvec,
-    pixels,
-    polygon,
-    post,
-    problem,
-    submitted,
-)
-from tests.gcvec.io.test_picture import png_with_header, swapped_profile
+from tests.command import gcvec
+from tests.contract.client import ended, post, submitted
+from tests.picture_files import encoded, pixels, png_with_header, swapped_profile
+from tests.problems import refused
+from tests.shaded_box import BOX, GROUND, HEIGHT, WIDTH, cvat, polygon
 from worker.settings import Settings, limits
 
 pytestmark = pytest.mark.service
@@ -53,9 +42,9 @@ def test_default_limits_are_the_stated_ones() -> None:
 def test_25_megabytes_are_accepted_and_not_a_byte_more(api: httpx.Client, photo: bytes) -> None:
     fits = photo + bytes(25_000_000 - len(photo))
     api.delete(submitted(api, fits)["links"]["self"])
-    assert problem(post(api, fits + b"\0"), 413, "too-large")["pointer"] == "/image"
+    assert refused(post(api, fits + b"\0"), 413, "too-large")["pointer"] == "/image"
     padded = cvat(GROUND) + " " * (25_000_001 - len(cvat(GROUND)))
-    assert problem(post(api, photo, padded), 413, "too-large")["pointer"] == "/annotations"
+    assert refused(post(api, photo, padded), 413, "too-large")["pointer"] == "/annotations"
 
 
 @pytest.mark.contract("4: limits: megapixels and sides")
@@ -63,7 +52,7 @@ def test_25_megabytes_are_accepted_and_not_a_byte_more(api: httpx.Client, photo:
 def test_64_megapixels_and_16384_a_side_are_accepted(api: httpx.Client, width: int, height: int) -> None:
     for w, h in ((16_384, 1), (8_000, 8_000), (16_384, 3_906)):
         assert probe_picture(png_with_header(w, h))[1:] == (w, h)
-    refusal = problem(post(api, png_with_header(width, height)), 413, "picture-too-large")
+    refusal = refused(post(api, png_with_header(width, height)), 413, "picture-too-large")
     assert refusal["pointer"] == "/image"
     assert f"{width} x {height}" in refusal["detail"]
 
@@ -88,7 +77,7 @@ def test_polygons_and_vertices_are_counted(
     api: httpx.Client, photo: bytes, fits: list[str], too_many: list[str], pointer: str
 ) -> None:
     assert len(read_annotations(cvat(*fits).encode()).shapes) == len(fits)
-    refusal = problem(post(api, photo, cvat(*too_many)), 413, "annotations-too-large")
+    refusal = refused(post(api, photo, cvat(*too_many)), 413, "annotations-too-large")
     assert refusal["pointer"] == pointer
 
 
@@ -170,14 +159,14 @@ def test_the_colour_under_transparent_pixels_can_be_chosen(api: httpx.Client, tm
     compared = gcvec("compare", "a.png", "a.gcv", "--matte", "#10c020", "--json", cwd=tmp_path)
     assert json.loads(compared.stdout)["mse"] < 5
     assert (
-        problem(post(api, see_through("PNG"), matte="white"), 422, "bad-option")["pointer"]
+        refused(post(api, see_through("PNG"), matte="white"), 422, "bad-option")["pointer"]
         == "/options/matte"
     )
 
 
 @pytest.mark.contract("4: other formats, by content")
 def test_a_gif_named_png_is_refused(api: httpx.Client) -> None:
-    refusal = problem(post(api, encoded(halves(), "GIF"), name="a.png"), 415, "unsupported-picture")
+    refusal = refused(post(api, encoded(halves(), "GIF"), name="a.png"), 415, "unsupported-picture")
     assert refusal["pointer"] == "/image"
 
 
@@ -253,7 +242,7 @@ def test_unusable_annotations_are_one_clear_error(
     content, status, code, pointer = BAD_ANNOTATIONS[kind]
     data = content if isinstance(content, bytes) else content.encode()
     answer = api.post("/v1/jobs", files={"image": ("photo.png", photo), "annotations": ("a.xml", data)})
-    assert problem(answer, status, code)["pointer"] == pointer
+    assert refused(answer, status, code)["pointer"] == pointer
     (tmp_path / "photo.png").write_bytes(photo)
     (tmp_path / "a.xml").write_bytes(data)
     run = gcvec("vectorize", "photo.png", "-a", "a.xml", "-o", "a.gcv", cwd=tmp_path)
@@ -264,7 +253,7 @@ def test_unusable_annotations_are_one_clear_error(
 
 @pytest.mark.contract("4: unknown image name")
 def test_an_unknown_image_name_is_one_clear_error(api: httpx.Client, photo: bytes) -> None:
-    refusal = problem(post(api, photo, cvat(GROUND), image_name="other.png"), 422, "unknown-image")
+    refusal = refused(post(api, photo, cvat(GROUND), image_name="other.png"), 422, "unknown-image")
     assert "other.png" in refusal["detail"]
     assert refusal["pointer"] == "/annotations"
 
@@ -278,7 +267,7 @@ def test_polygons_that_cover_nothing_fail_the_job_with_one_clear_error(
     assert job["status"] == "failed"
     assert job["error"]["type"] == "urn:gcvec:problem:no-usable-polygon"
     assert job["error"]["pointer"] == "/annotations"
-    problem(api.get(f"{job['links']['self']}/result"), 409, "no-result")
+    refused(api.get(f"{job['links']['self']}/result"), 409, "no-result")
 
 
 @pytest.mark.contract("4: a damaged picture, found by the worker")

@@ -19,8 +19,10 @@ from PIL import Image
 from gcvec import VectorImage
 from gcvec.edit import mean_color
 from gcvec.timing import STAGES
-from tests.conftest import RunningService, start_service
-from tests.contract.conftest import BOX, GROUND, HEIGHT, WIDTH, cvat, done, gcvec, photo_pixels, pixels
+from tests.command import done, gcvec, refused
+from tests.picture_files import pixels
+from tests.running_service import RunningService, start_service
+from tests.shaded_box import BOX, GROUND, HEIGHT, WIDTH, cvat, photo_pixels
 
 MEASURES = {"mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes", "foldovers"}
 
@@ -119,9 +121,7 @@ def test_image_name_picks_the_image_and_defaults_to_the_file_name(folder: Path, 
     assert labels("photo.png", "two.xml") == {"ground"}
     assert labels("photo.png", "two.xml", "--image-name", "other.png") == {"box", "background"}
     assert labels("unnamed.png", "one.xml") == {"box", "background"}
-    refused = gcvec("vectorize", "unnamed.png", "-a", "two.xml", "-o", "b.gcv", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert "several images" in refused.stderr
+    refused(gcvec("vectorize", "unnamed.png", "-a", "two.xml", "-o", "b.gcv", cwd=tmp_path), "several images")
 
 
 @pytest.mark.contract("2: gcvec render")
@@ -222,7 +222,7 @@ def test_gcvec_submit_uploads_and_downloads(
 
 @pytest.mark.contract("2: no progress bar in a pipe")
 def test_progress_bars_are_for_terminals(folder: Path, tmp_path: Path) -> None:
-    """A bar on a terminal: tests/gcvec/test_cli.py."""
+    """A bar on a terminal: tests/gcvec/cli/test_progress.py."""
     run = gcvec("vectorize", folder / "photo.png", "-o", tmp_path / "a.gcv")
     assert (run.stdout, run.stderr) == ("", "")
 
@@ -257,11 +257,7 @@ def test_bad_input_is_one_line_that_names_it_and_exit_code_2(
     (tmp_path / "broken.xml").write_text("<annotations><image")
     (tmp_path / "damaged.tif").write_bytes(damaged_tiff())
     before = set(tmp_path.iterdir())
-    run = gcvec(*command, cwd=tmp_path)
-    assert (run.returncode, run.stdout) == (2, "")
-    assert run.stderr.startswith("gcvec: ")
-    assert run.stderr.count("\n") == 1
-    assert named in run.stderr
+    refused(gcvec(*command, cwd=tmp_path), named)
     assert set(tmp_path.iterdir()) == before
 
 
@@ -277,7 +273,7 @@ def damaged_tiff() -> bytes:
 
 @pytest.mark.contract("2: errors, exit 1")
 def test_a_failure_is_one_line_and_exit_code_1(folder: Path, tmp_path: Path) -> None:
-    """A service that does not answer; for a disk that is full see tests/gcvec/test_cli.py."""
+    """A service that does not answer; for a disk that is full see tests/gcvec/cli/test_render.py."""
     run = gcvec("submit", folder / "photo.png", "--url", "http://127.0.0.1:9", "-o", tmp_path / "out")
     assert (run.returncode, run.stdout) == (1, "")
     assert re.fullmatch(r"gcvec: http://127\.0\.0\.1:9: .+\n", run.stderr)

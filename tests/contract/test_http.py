@@ -16,23 +16,13 @@ import pytest
 from PIL import Image
 
 from gcvec import VectorImage
-from tests.contract.conftest import (
-    BOB,
-    BOX,
-    GROUND,
-    HEIGHT,
-    WIDTH,
-    cvat,
-    encoded,
-    ended,
-    key,
-    pixels,
-    post,
-    problem,
-    submitted,
-)
+from tests.contract.client import ended, post, submitted
 from tests.event_stream import events_of
 from tests.fleet import ENDLESS
+from tests.keys import BOB, key
+from tests.picture_files import encoded, pixels
+from tests.problems import refused
+from tests.shaded_box import BOX, GROUND, HEIGHT, WIDTH, cvat
 
 pytestmark = pytest.mark.service
 
@@ -115,7 +105,7 @@ def test_an_idempotency_key_stands_for_one_request(api: httpx.Client, photo: byt
     assert (first.status_code, again.status_code) == (202, 202)
     assert first.json()["id"] == again.json()["id"]
     assert first.headers["location"] == again.headers["location"]
-    problem(post(api, photo, target_mse=31, headers=headers), 422, "idempotency-mismatch")
+    refused(post(api, photo, target_mse=31, headers=headers), 422, "idempotency-mismatch")
 
 
 @pytest.mark.contract("3: GET /v1/jobs/{id}")
@@ -138,7 +128,7 @@ def test_get_jobs_id_waits(api: httpx.Client, photo: bytes, endless: dict[str, A
     assert api.get(f"{endless['links']['self']}?wait=1").json()["status"] in ("queued", "running")
     assert time.monotonic() - start >= 1
     for wait in ("31", "-1", "nan", "soon"):
-        answer = problem(api.get(f"{link}?wait={wait}"), 422, "invalid-request")
+        answer = refused(api.get(f"{link}?wait={wait}"), 422, "invalid-request")
         assert answer["pointer"] == "/query/wait"
 
 
@@ -172,7 +162,7 @@ def test_get_jobs_lists_newest_first_by_an_opaque_cursor(api: httpx.Client, phot
         link = page["next"]
     assert seen[:3] == made[::-1]
     assert len(set(seen)) == len(seen)
-    assert problem(api.get("/v1/jobs?cursor=guess"), 422, "invalid-request")["pointer"] == "/query/cursor"
+    assert refused(api.get("/v1/jobs?cursor=guess"), 422, "invalid-request")["pointer"] == "/query/cursor"
 
 
 @pytest.mark.contract("3: GET /v1/jobs: own jobs")
@@ -261,7 +251,7 @@ def test_post_edits_makes_a_revision_and_keeps_the_original(
     for name in ("result", "preview", "patches", "svg", "pdf", "glb"):
         assert api.get(revision["links"][name]).status_code == 200
     wrong = {"moves": [move, {**move, "curve": 999}]}
-    answer = problem(api.post(finished["links"]["edits"], json=wrong), 422, "unknown-curve")
+    answer = refused(api.post(finished["links"]["edits"], json=wrong), 422, "unknown-curve")
     assert answer["pointer"] == "/body/moves/1"
 
 
@@ -281,7 +271,7 @@ def test_delete_removes_input_and_results(api: httpx.Client, photo: bytes, runni
     assert not files.exists()
     for link in job["links"].values():
         if not link.endswith("/edits"):
-            problem(api.get(link), 410, "gone")
+            refused(api.get(link), 410, "gone")
 
 
 @pytest.mark.contract("3: /livez /readyz /metrics, /docs, /openapi.json, /")
@@ -307,9 +297,9 @@ def test_what_is_not_ready_is_a_conflict(api: httpx.Client, endless: dict[str, A
     base = endless["links"]["self"]
     for name in ("result", *ARTIFACTS):
         answer = api.get(f"{base}/{name}")
-        problem(answer, 409, "not-ready")
+        refused(answer, 409, "not-ready")
         assert int(answer.headers["retry-after"]) >= 1
-    problem(api.post(f"{base}/edits", json={}), 409, "not-ready")
+    refused(api.post(f"{base}/edits", json={}), 409, "not-ready")
 
 
 @pytest.mark.contract("3: expired -> 410")
@@ -321,7 +311,7 @@ def test_what_has_expired_is_gone(guarded: httpx.Client, photo: bytes) -> None:
         assert time.monotonic() < deadline
         time.sleep(0.2)
     for name in ("self", "events", "result", "gcv", "preview"):
-        problem(guarded.get(job["links"][name]), 410, "gone")
+        refused(guarded.get(job["links"][name]), 410, "gone")
 
 
 @pytest.mark.contract("3: unknown or another key's -> 404")
@@ -329,9 +319,9 @@ def test_unknown_and_others_jobs_are_not_found(guarded: httpx.Client, photo: byt
     job = submitted(guarded, photo, target_mse=60)
     for link, headers in ((job["links"]["self"], key(BOB)), (f"/v1/jobs/{'0' * 32}", {})):
         for path in ("", "/events", "/result", "/report", "/image"):
-            problem(guarded.get(link + path, headers=headers), 404, "not-found")
-        problem(guarded.delete(link, headers=headers), 404, "not-found")
-        problem(guarded.post(f"{link}/edits", json={}, headers=headers), 404, "not-found")
-    problem(guarded.get("/v1/nothing"), 404, "not-found")
-    problem(guarded.put("/v1/jobs"), 405, "method-not-allowed")
-    problem(guarded.get("/v1/jobs", headers={"Authorization": "Bearer guess"}), 401, "unauthorized")
+            refused(guarded.get(link + path, headers=headers), 404, "not-found")
+        refused(guarded.delete(link, headers=headers), 404, "not-found")
+        refused(guarded.post(f"{link}/edits", json={}, headers=headers), 404, "not-found")
+    refused(guarded.get("/v1/nothing"), 404, "not-found")
+    refused(guarded.put("/v1/jobs"), 405, "method-not-allowed")
+    refused(guarded.get("/v1/jobs", headers={"Authorization": "Bearer guess"}), 401, "unauthorized")

@@ -11,7 +11,11 @@ import httpx
 import pytest
 from PIL import Image
 
-from tests.contract.conftest import BOX, GROUND, cvat, encoded, gcvec, photo_pixels, polygon, post, problem
+from tests.command import GCVEC, gcvec
+from tests.contract.client import post
+from tests.picture_files import encoded
+from tests.problems import refused
+from tests.shaded_box import BOX, GROUND, cvat, photo_pixels, polygon
 from worker.settings import Settings
 
 NAMES = [f"GCVEC_{name.upper()}" for name in Settings.model_fields]
@@ -47,7 +51,7 @@ def test_no_other_variable_is_read() -> None:
     ],
 )
 def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:
-    command = [sys.executable, "-m", "gcvec.cli", "serve", "--port", "0", "--data", str(tmp_path / "data")]
+    command = [*GCVEC, "serve", "--port", "0", "--data", str(tmp_path / "data")]
     run = subprocess.run(["env", setting, *command], capture_output=True, text=True, timeout=60)
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.count("\n") == 1
@@ -86,13 +90,13 @@ def test_limits_are_those_that_are_set(guarded: httpx.Client, photo: bytes) -> N
     five = polygon("1,1;9,1;9,9;5,5;1,9")
     too_many = ([BOX, BOX, BOX, BOX], [polygon(line)], [GROUND, BOX, five])
     for number, (polygons, at) in enumerate(zip(too_many, (4, 1, 3), strict=True)):
-        found = problem(post(guarded, photo, cvat(*polygons)), 413, "annotations-too-large")
+        found = refused(post(guarded, photo, cvat(*polygons)), 413, "annotations-too-large")
         assert found["pointer"].startswith(f"polygon {at}, line "), number
     assert post(guarded, photo, cvat(GROUND, BOX, BOX)).status_code == 202
     for size in ((301, 10), (230, 220)):
         picture = encoded(Image.new("L", size))
-        assert problem(post(guarded, picture), 413, "picture-too-large")["pointer"] == "/image"
+        assert refused(post(guarded, picture), 413, "picture-too-large")["pointer"] == "/image"
     assert post(guarded, photo + bytes(100_000 - len(photo))).status_code == 202
     padded = photo + bytes(100_001 - len(photo))
-    assert problem(post(guarded, padded), 413, "too-large")["pointer"] == "/image"
+    assert refused(post(guarded, padded), 413, "too-large")["pointer"] == "/image"
     assert photo_pixels().size < 50_000

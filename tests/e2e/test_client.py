@@ -13,7 +13,7 @@ from PIL import Image
 from skimage import data
 
 from tests.browser import Browser
-from tests.conftest import RunningService
+from tests.running_service import RunningService
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import httpx
 import pytest
 
-from tests.browser import Browser
-from tests.conftest import RunningService
-from tests.e2e.test_client_progress import failing
-from tests.service.conftest import png
+from tests.browser import Browser, failing
+from tests.running_service import RunningService
+from tests.uploads import png
+from tests.waiting import within
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
 
@@ -111,9 +110,7 @@ def test_the_form_lives_again_when_the_browser_goes_back_to_it(
         assert page.requests.count(recent) == before + 1
 
 
-def test_a_download_waits_for_a_file_that_is_being_made(
-    browser: Browser, job: str, tmp_path: Path, eventually: Callable[..., None]
-) -> None:
+def test_a_download_waits_for_a_file_that_is_being_made(browser: Browser, job: str, tmp_path: Path) -> None:
     busy = "new Response('{}', { status: 409, headers: { 'Retry-After': '1' } })"
     first = f"(real) => (url, more) => url.endsWith('.pdf') && !asked++ ? {busy} : real(url, more)"
     with browser.page(900, 700) as page:
@@ -129,8 +126,8 @@ def test_a_download_waits_for_a_file_that_is_being_made(
         assert page.evaluate(f"{link}.ariaBusy") == "true"
         made = httpx.get(f"{job}/result.pdf")
         file = tmp_path / made.headers["content-disposition"].split('"')[1]
-        eventually(file.exists, 30)
-        eventually(lambda: file.read_bytes() == made.content)
+        within(30, file.exists)
+        within(10, lambda: file.read_bytes() == made.content)
         assert page.evaluate("asked") == 2
         page.wait_for(f"{link}.ariaBusy === 'false'")
         assert page.evaluate("document.getElementById('summary').textContent") == summary

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -15,8 +15,9 @@ from PIL import Image
 from skimage import data
 
 from tests.browser import Browser, Page
-from tests.conftest import RunningService, start_service
 from tests.fleet import LONG, one_region, picture
+from tests.running_service import RunningService, start_service
+from tests.waiting import within
 
 pytestmark = [pytest.mark.browser, pytest.mark.service, pytest.mark.slow]
 
@@ -38,7 +39,7 @@ def enter(page: Page, key: str) -> None:
 
 
 def test_with_a_key_everything_works(
-    browser: Browser, locked_service: RunningService, tmp_path: Path, eventually: Callable[..., None]
+    browser: Browser, locked_service: RunningService, tmp_path: Path
 ) -> None:
     file = tmp_path / "astronaut.png"
     Image.fromarray(np.ascontiguousarray(data.astronaut()[40:120, 180:276])).save(file)
@@ -63,8 +64,8 @@ def test_with_a_key_everything_works(
         page.evaluate("document.querySelector('#downloads a[href$=\"result.svg\"]').click()")
         answer = httpx.get(f"{address}/result.svg", headers={"Authorization": f"Bearer {KEY}"})
         svg = tmp_path / answer.headers["content-disposition"].split('"')[1]
-        eventually(svg.exists, 30)
-        eventually(lambda: svg.read_bytes() == answer.content)
+        within(30, svg.exists)
+        within(10, lambda: svg.read_bytes() == answer.content)
 
         page.open(f"{locked_service.url}/")
         page.wait_for("document.querySelector('#jobs img')")

@@ -6,13 +6,14 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import httpx
 import pytest
 
-from tests.conftest import client_of, start_service
+from tests.broker import client_of
+from tests.running_service import start_service
+from tests.waiting import within
 
 pytestmark = pytest.mark.service
 
@@ -41,16 +42,16 @@ def alive(pid: int) -> bool:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel's parent-death signal is Linux's")
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_no_process_is_left(tmp_path: Path, how: signal.Signals, eventually: Callable[..., None]) -> None:
+def test_no_process_is_left(tmp_path: Path, how: signal.Signals) -> None:
     service = start_service(tmp_path / "data", "--workers", "2")
-    eventually(lambda: "ready." in service.log.read_text())
+    within(10, lambda: "ready." in service.log.read_text())
     processes = descendants(service.process.pid)
     assert len(processes) >= 5  # broker, API, worker and its two
     assert service.stop(how) == (0 if how != signal.SIGKILL else -signal.SIGKILL)
-    eventually(lambda: not any(map(alive, processes)))
+    within(10, lambda: not any(map(alive, processes)))
 
 
-def test_a_child_that_dies_is_started_again(tmp_path: Path, eventually: Callable[..., None]) -> None:
+def test_a_child_that_dies_is_started_again(tmp_path: Path) -> None:
     service = start_service(tmp_path / "data", "--workers", "1")
     try:
         before = set(direct := descendants(service.process.pid))
@@ -63,21 +64,19 @@ def test_a_child_that_dies_is_started_again(tmp_path: Path, eventually: Callable
             except httpx.TransportError:
                 return False
 
-        eventually(lambda: len(set(descendants(service.process.pid)) - before) >= 4 and ready(), 20)
+        within(20, lambda: len(set(descendants(service.process.pid)) - before) >= 4 and ready())
     finally:
         assert service.stop() == 0
 
 
-def test_a_broker_that_is_named_is_used(
-    tmp_path: Path, broker_url: str, eventually: Callable[..., None]
-) -> None:
+def test_a_broker_that_is_named_is_used(tmp_path: Path, broker_url: str) -> None:
     service = start_service(tmp_path / "data", "--workers", "1", GCVEC_BROKER_URL=broker_url)
     try:
         files = {"image": ("a.txt", b"no picture")}
         assert httpx.post(f"{service.url}/v1/jobs", files=files).status_code == 415
         assert not (tmp_path / "data" / "broker").exists()
         client = client_of(broker_url)
-        eventually(lambda: client.exists("_kombu.binding.gcvec-jobs"))
+        within(10, lambda: client.exists("_kombu.binding.gcvec-jobs"))
     finally:
         assert service.stop() == 0
 

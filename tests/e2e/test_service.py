@@ -7,7 +7,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,9 @@ import pytest
 from PIL import Image
 
 from gcvec import VectorImage
-from tests.conftest import RunningService
 from tests.event_stream import events_of
+from tests.running_service import RunningService
+from tests.waiting import within
 from worker.artifacts import EXPORTS, KINDS
 
 pytestmark = pytest.mark.service
@@ -142,7 +143,7 @@ def test_a_preview_is_drawn_at_any_scale(api: httpx.Client, finished: dict[str, 
 
 
 def test_a_running_job_is_cancelled_at_once(
-    api: httpx.Client, photo: bytes, running_service: RunningService, eventually: Callable[..., None]
+    api: httpx.Client, photo: bytes, running_service: RunningService
 ) -> None:
     job = submit(api, photo, target_mse=0.01, max_points=0, strategy="paper")
     stream = events(api, job)
@@ -153,9 +154,9 @@ def test_a_running_job_is_cancelled_at_once(
     assert api.get(job["links"]["self"]).json()["status"] == "canceled"
     assert api.get(f"{job['links']['self']}/result").status_code == 409
     stopped = f"job {job['id']}: attempt 1 stopped"
-    eventually(lambda: stopped in running_service.log.read_text())
+    within(10, lambda: stopped in running_service.log.read_text())
     assert time.monotonic() - started < 5  # left alone it runs for an hour
-    eventually(lambda: not (running_service.data / "storage/jobs" / job["id"]).exists())
+    within(10, lambda: not (running_service.data / "storage/jobs" / job["id"]).exists())
 
 
 def test_the_command_line_client_fetches_everything(

@@ -13,9 +13,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.conftest import start_service
-from tests.faults.test_workers import ends_of
-from tests.fleet import LONG, ON_EVERY_SERVER, SHORT, Fleet, one_region, picture, within
+from tests.fleet import LONG, ON_EVERY_SERVER, SHORT, Fleet, one_region, picture
+from tests.running_service import start_service
+from tests.waiting import within
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
@@ -36,7 +36,7 @@ def test_the_broker_may_be_restarted(start_fleet: Callable[..., Fleet], server: 
     within(20, api.ready)
     for job_id in (running, queued):
         assert api.outcome(job_id)["status"] == "succeeded"
-        assert ends_of(fleet, job_id) == ["succeeded"]
+        assert fleet.ends_of(job_id) == ["succeeded"]
         assert fleet.job(job_id).attempt == 1
     assert worker.alive
     assert api.outcome(api.submit(**SHORT))["status"] == "succeeded"
@@ -109,7 +109,7 @@ def test_an_api_that_is_killed_while_it_takes_jobs_has_taken_them_or_not(fleet: 
     assert set(taken) <= known
     for job_id in known:
         assert again.outcome(job_id)["status"] == "succeeded"
-        assert ends_of(fleet, job_id) == ["succeeded"]
+        assert fleet.ends_of(job_id) == ["succeeded"]
     for path in fleet.files():  # what is not a job's is an upload that was never taken
         assert path.split("/")[1] in known or path.split("/")[2] == "input"
 

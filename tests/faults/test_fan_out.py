@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from tests.faults.test_workers import attempts_in, ends_of
-from tests.fleet import SHORT, Api, Fleet, Process, picture, within
+from tests.fleet import SHORT, Api, Fleet, Process, picture
+from tests.waiting import within
 from worker.app import ASSIST, JOBS_QUEUE, PARTS_QUEUE, VECTORIZE, create_celery
 from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key, renew_part
 from worker.records import Job, claim, create
@@ -86,7 +86,7 @@ def assert_done_once(fleet: Fleet, api: Api, job_id: str, attempt: int) -> None:
     manifest = fleet.manifest(job_id)
     assert manifest is not None
     assert manifest.attempt == fleet.job(job_id).attempt == attempt
-    assert ends_of(fleet, job_id) == ["succeeded"]
+    assert fleet.ends_of(job_id) == ["succeeded"]
     assert_nothing_left(fleet, job_id)
     report = api.http.get(f"/v1/jobs/{job_id}/report").json()
     assert report["mse"] <= OPTIONS["target_mse"]
@@ -152,7 +152,7 @@ def test_a_job_whose_coordinator_is_killed_is_made_by_another_attempt(shared: Fl
     in_charge(workers, job_id).kill()
     assert api.outcome(job_id, 150)["status"] == "succeeded"
     assert_done_once(shared, api, job_id, 2)
-    within(10, lambda: attempts_in(shared, job_id) == {"attempt-2"})
+    within(10, lambda: shared.attempts_of(job_id) == {"attempt-2"})
 
 
 def test_a_cancelled_job_stops_all_and_leaves_nothing(shared: Fleet) -> None:

@@ -11,7 +11,8 @@ from statistics import median, quantiles
 import pytest
 
 from benchmarks.load import Answer, Load, flood, listen_all, overheads, poll_all
-from tests.fleet import Fleet, within
+from tests.fleet import Fleet
+from tests.waiting import within
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 

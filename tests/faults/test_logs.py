@@ -9,12 +9,11 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.fleet import SHORT, Fleet, Process, picture, within
-from tests.worker.test_webhooks import SECRET, Receiver, receiver
+from tests.fleet import SHORT, Fleet, Process, picture
+from tests.waiting import within
+from tests.webhook_receiver import SECRET, Receiver
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
-
-__all__ = ["receiver"]
 
 KEY, WRONG = "a-key-0123456789abcdef", "wrong-0123456789abcdef"
 NAME = "holiday-of-alice.png"

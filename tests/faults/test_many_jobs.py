@@ -11,8 +11,8 @@ from functools import partial
 
 import pytest
 
-from tests.faults.test_workers import attempts_in, ends_of
-from tests.fleet import Fleet, Process, servers, within
+from tests.fleet import Fleet, Process, servers
+from tests.waiting import within
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 
@@ -44,7 +44,7 @@ def test_every_job_succeeds_once(start_fleet: Callable[..., Fleet]) -> None:
     jobs = [fleet.job(job_id) for job_id in ids]
     assert Counter(job.status for job in jobs) == {"succeeded": JOBS}
     assert len(set(ids)) == JOBS
-    assert all(ends_of(fleet, job_id) == ["succeeded"] for job_id in ids)
+    assert all(fleet.ends_of(job_id) == ["succeeded"] for job_id in ids)
     for job in jobs:
         manifest = fleet.manifest(job.id)
         assert manifest is not None
@@ -58,7 +58,7 @@ def test_every_job_succeeds_once(start_fleet: Callable[..., Fleet]) -> None:
 
 
 def keeps_only(fleet: Fleet, job_id: str, attempt: int) -> bool:
-    return attempts_in(fleet, job_id) == {f"attempt-{attempt}"}
+    return fleet.attempts_of(job_id) == {f"attempt-{attempt}"}
 
 
 def kill_now_and_then(fleet: Fleet, workers: list[Process], stopping: threading.Event) -> None:

@@ -13,7 +13,8 @@ import pytest
 from obstore.store import ObjectStore
 
 from tests.browser import Browser
-from tests.fleet import ENDLESS, SHORT, Fleet, Process, free_port, within
+from tests.fleet import ENDLESS, SHORT, Fleet, Process, free_port
+from tests.waiting import within
 from worker import storage
 from worker.orphans import remove_orphans
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.fleet import ENDLESS, SHORT, Fleet, within
+from tests.fleet import ENDLESS, SHORT, Fleet
+from tests.waiting import within
 from worker import storage
 from worker.orphans import remove_orphans
 

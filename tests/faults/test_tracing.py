@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from tests.fleet import SHORT, Fleet, within
+from tests.fleet import SHORT, Fleet
 from tests.servers import in_background
+from tests.waiting import within
 from worker import tracing
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]

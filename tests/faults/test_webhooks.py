@@ -9,12 +9,11 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.fleet import SHORT, Api, Fleet, picture, within
-from tests.worker.test_webhooks import SECRET, Receiver, receiver, signature_of
+from tests.fleet import SHORT, Api, Fleet, picture
+from tests.waiting import within
+from tests.webhook_receiver import SECRET, Receiver, signature_of
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
-
-__all__ = ["receiver"]
 
 
 @pytest.fixture

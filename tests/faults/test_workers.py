@@ -10,22 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.fleet import ENDLESS, LONG, ON_EVERY_SERVER, SHORT, Fleet, within
+from tests.fleet import ENDLESS, LONG, ON_EVERY_SERVER, SHORT, Fleet
+from tests.waiting import within
 from worker import storage
 from worker.records import claim, lease_key
 from worker.storage import Manifest
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
-
-
-def ends_of(fleet: Fleet, job_id: str) -> list[str]:
-    """The terminal states that the job's events tell of."""
-    entries = fleet.client.xrange(f"gcvec:events:{job_id}")
-    return [entry["data"] for _, entry in entries if entry["type"] == "state"]
-
-
-def attempts_in(fleet: Fleet, job_id: str) -> set[str]:
-    return {path.split("/")[2] for path in fleet.files(job_id) if "/attempt-" in path}
 
 
 @ON_EVERY_SERVER
@@ -44,8 +35,8 @@ def test_a_job_whose_worker_is_killed_is_finished_by_another(
     manifest = fleet.manifest(job_id)
     assert manifest is not None
     assert manifest.attempt == fleet.job(job_id).attempt == 2
-    assert attempts_in(fleet, job_id) == {"attempt-2"}
-    assert ends_of(fleet, job_id) == ["succeeded"]
+    assert fleet.attempts_of(job_id) == {"attempt-2"}
+    assert fleet.ends_of(job_id) == ["succeeded"]
     assert api.http.get(f"/v1/jobs/{job_id}/result").status_code == 200
 
 
@@ -63,8 +54,8 @@ def test_results_that_were_complete_when_their_worker_died_are_the_jobs(fleet: F
     assert (job["status"], job["warnings"]) == ("succeeded", ["careful"])
     assert api.http.get(f"/v1/jobs/{job_id}/result.gcv").content == b"made by the first"
     assert fleet.job(job_id).attempt == 2
-    assert attempts_in(fleet, job_id) == {"attempt-1"}
-    assert ends_of(fleet, job_id) == ["succeeded"]
+    assert fleet.attempts_of(job_id) == {"attempt-1"}
+    assert fleet.ends_of(job_id) == ["succeeded"]
 
 
 def test_an_attempt_that_was_given_up_changes_nothing_when_it_wakes(fleet: Fleet) -> None:
@@ -83,8 +74,8 @@ def test_an_attempt_that_was_given_up_changes_nothing_when_it_wakes(fleet: Fleet
     within(20, lambda: f"job {job_id}: attempt 1 stopped" in first.log.read_text())
     assert fleet.client.hgetall(f"gcvec:job:{job_id}") == record
     assert fleet.files(job_id) == files
-    assert attempts_in(fleet, job_id) == {"attempt-2"}
-    assert ends_of(fleet, job_id) == ["succeeded"]
+    assert fleet.attempts_of(job_id) == {"attempt-2"}
+    assert fleet.ends_of(job_id) == ["succeeded"]
 
 
 def test_a_job_that_kills_its_workers_is_given_up_and_harms_no_other(fleet: Fleet) -> None:
@@ -98,8 +89,8 @@ def test_a_job_that_kills_its_workers_is_given_up_and_harms_no_other(fleet: Flee
     failed = api.outcome(poison, 40)
     assert failed["status"] == "failed"
     assert failed["error"]["type"] == "urn:gcvec:problem:worker-lost"
-    assert ends_of(fleet, poison) == ["failed"]
-    assert attempts_in(fleet, poison) == set()
+    assert fleet.ends_of(poison) == ["failed"]
+    assert fleet.attempts_of(poison) == set()
     for job_id in others:
         assert api.outcome(job_id)["status"] == "succeeded"
         assert fleet.job(job_id).attempt == 1
@@ -123,7 +114,7 @@ def test_a_worker_that_is_sent_away_hands_its_job_back(fleet: Fleet) -> None:
     fleet.start_worker()
     assert first.ask_to_stop(signal.SIGQUIT) == 0
     within(30, lambda: fleet.refining(job_id, 2))
-    assert ends_of(fleet, job_id) == []
+    assert fleet.ends_of(job_id) == []
 
 
 def test_a_job_may_not_run_for_ever(start_fleet: Callable[..., Fleet]) -> None:

@@ -13,18 +13,15 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from tests.conftest import client_of
-from tests.service.conftest import png, serving
-from tests.service.test_submit import refused
+from tests.broker import client_of
+from tests.keys import ALICE, BOB, key
+from tests.problems import refused
+from tests.service.in_process import serving
+from tests.uploads import png
 from worker.records import JobRecords, claim, finish
 from worker.settings import Settings
 
-ALICE, BOB = "alice-0123456789abcdef", "bob-0123456789abcdefgh"
 IMAGE = {"image": ("a.png", png())}
-
-
-def key(name: str) -> dict[str, str]:
-    return {"Authorization": f"Bearer {name}"}
 
 
 @pytest.fixture

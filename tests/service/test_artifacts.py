@@ -5,7 +5,7 @@ import hashlib
 import httpx
 import pytest
 
-from tests.service.conftest import Jobs
+from tests.service.in_process import Jobs
 from worker.artifacts import KINDS
 from worker.records import claim, finish
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from tests.service.conftest import Jobs, serving
-from tests.service.test_submit import refused
+from tests.problems import refused
+from tests.service.in_process import Jobs, serving
 from worker import storage
 from worker.settings import Settings
 

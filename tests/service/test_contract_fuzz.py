@@ -20,7 +20,7 @@ from schemathesis.specs.openapi import checks
 from service.app import create_app
 from tests.fleet import Fleet, one_region, picture
 from tests.readers import missing
-from tests.service.conftest import png
+from tests.uploads import png
 from worker import storage
 from worker.app import SHORT_QUEUE
 from worker.artifacts import KINDS

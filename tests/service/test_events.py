@@ -10,8 +10,8 @@ import pytest
 from redis.exceptions import RedisError
 
 from service.jobs.repository import JobRepository
-from tests.conftest import client_of
-from tests.service.conftest import Jobs, serving
+from tests.broker import client_of
+from tests.service.in_process import Jobs, serving
 from worker.records import claim, finish, record_key, report
 from worker.settings import Settings
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import httpx
 
-from tests.service.conftest import Jobs
-from tests.service.test_submit import refused
+from tests.problems import refused
+from tests.service.in_process import Jobs
 
 
 def test_who_asks_for_the_headers_gets_them_alone(api: httpx.Client, jobs: Jobs) -> None:

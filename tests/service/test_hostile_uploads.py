@@ -11,7 +11,6 @@ import struct
 import time
 import zipfile
 import zlib
-from collections.abc import Callable
 from contextlib import ExitStack
 from io import BytesIO
 from pathlib import Path
@@ -21,9 +20,11 @@ import httpx
 import pytest
 
 from gcvec.io import read_picture
-from tests.conftest import client_of
-from tests.service.conftest import cvat, png, serving
-from tests.service.test_submit import files_in, refused
+from tests.broker import client_of
+from tests.problems import refused
+from tests.service.in_process import files_in, serving
+from tests.uploads import cvat, png
+from tests.waiting import within
 from worker.records import record_key
 from worker.settings import Settings
 
@@ -339,7 +340,7 @@ def test_a_flood_is_refused_before_it_ends(api: httpx.Client) -> None:
         assert connection.recv(1_000).startswith(b"HTTP/1.1 413 ")
 
 
-def test_a_crowd_of_large_uploads_is_bounded(api: httpx.Client, eventually: Callable[..., None]) -> None:
+def test_a_crowd_of_large_uploads_is_bounded(api: httpx.Client) -> None:
     """Each is small enough, and none has ended: together they are too much."""
     stated = "Content-Length: 1150000\r\n"
     head = f"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: {FORM}\r\n{stated}\r\n"
@@ -352,7 +353,7 @@ def test_a_crowd_of_large_uploads_is_bounded(api: httpx.Client, eventually: Call
         ]
         for connection in crowd:
             connection.sendall(head.encode() + START + bytes(1_100_000))
-        eventually(lambda: len(select.select(crowd, [], [], 0)[0]) >= 3)
+        within(10, lambda: len(select.select(crowd, [], [], 0)[0]) >= 3)
         time.sleep(0.2)
         answered, _, _ = select.select(crowd, [], [], 0)
         assert 3 <= len(answered) <= 6

@@ -11,7 +11,8 @@ import pytest
 from service.errors import ProblemError
 from service.idempotency import Idempotency
 from service.jobs.repository import connect as connect_async
-from tests.service.conftest import Jobs, cvat, png
+from tests.service.in_process import Jobs
+from tests.uploads import cvat, png
 from worker.records import finish
 from worker.settings import Settings
 

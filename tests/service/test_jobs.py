@@ -10,8 +10,8 @@ import pytest
 
 from service.app import create_app
 from service.jobs.service import delete
-from tests.service.conftest import Jobs
-from tests.service.test_submit import refused
+from tests.problems import refused
+from tests.service.in_process import Jobs
 from worker.problems import problem
 from worker.records import claim, finish, report
 from worker.settings import Settings

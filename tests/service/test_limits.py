@@ -7,10 +7,11 @@ from pathlib import Path
 
 import httpx
 
-from tests.conftest import client_of
-from tests.service.conftest import Jobs, png, serving
-from tests.service.test_access import ALICE, BOB, key
-from tests.service.test_submit import files_in, refused
+from tests.broker import client_of
+from tests.keys import ALICE, BOB, key
+from tests.problems import refused
+from tests.service.in_process import Jobs, files_in, serving
+from tests.uploads import png
 from worker.records import JobRecords, claim, finish
 from worker.settings import Settings
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import httpx
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.service.conftest import Jobs
+from tests.service.in_process import Jobs
 from worker.problems import problem
 from worker.records import claim, finish
 

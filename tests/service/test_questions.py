@@ -10,7 +10,7 @@ from service.errors import ProblemError
 from service.jobs.repository import Changes
 from service.jobs.repository import connect as connect_async
 from service.questions import Questions
-from tests.conftest import client_of
+from tests.broker import client_of
 from worker.app import EDIT, EXPORT, SHORT_QUEUE, create_celery
 from worker.problems import problem
 from worker.questions import Answer, give, question_key

@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.service.conftest import Jobs
+from tests.service.in_process import Jobs
 from worker import storage
 from worker.storage import Manifest
 

@@ -8,25 +8,13 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.conftest import client_of
-from tests.service.conftest import Jobs, cvat, png, serving
+from tests.broker import client_of
+from tests.problems import refused
+from tests.service.in_process import Jobs, files_in, serving
+from tests.uploads import cvat, png
 from worker.settings import Settings
 
 IMAGE = ("a.png", png())
-
-
-def files_in(folder: Path) -> list[str]:
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-
-
-def refused(answer: httpx.Response, status: int, code: str) -> dict[str, Any]:
-    problem: dict[str, Any] = answer.json()
-    assert answer.headers["content-type"] == "application/problem+json"
-    assert (answer.status_code, problem["type"]) == (status, f"urn:gcvec:problem:{code}"), problem
-    assert problem["status"] == status
-    assert problem["title"]
-    assert problem["detail"]
-    return problem
 
 
 def test_a_picture_becomes_a_queued_job(api: httpx.Client, settings: Settings, tmp_path: Path) -> None:

@@ -15,9 +15,10 @@ from redis.exceptions import RedisError
 from gcvec.cli._app import run
 from service import client
 from service.jobs.repository import JobRepository
-from tests.conftest import client_of
+from tests.broker import client_of
 from tests.servers import in_background
-from tests.service.conftest import Jobs, cvat, png, serving
+from tests.service.in_process import Jobs, serving
+from tests.uploads import cvat, png
 from worker.problems import problem
 from worker.records import ACTIVE, JobRecords, finish
 from worker.settings import Settings

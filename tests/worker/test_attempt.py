@@ -4,13 +4,13 @@ import json
 import threading
 import time
 import uuid
-from collections.abc import Callable
 
 import pytest
 import redis
 
 from gcvec.progress import Progress
-from tests.conftest import client_of
+from tests.broker import client_of
+from tests.waiting import within
 from worker.attempt import REPORT_SECONDS, Attempt
 from worker.keeper import StopError
 from worker.records import Call, Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
@@ -113,7 +113,7 @@ def test_the_time_limit_ends_the_job(records: JobRecords, job_id: str) -> None:
 
 
 def test_an_outage_neither_slows_nor_fails_a_run_and_loses_no_event(
-    broker_url: str, records: JobRecords, job_id: str, eventually: Callable[..., None]
+    broker_url: str, records: JobRecords, job_id: str
 ) -> None:
     client = client_of(broker_url)
     nobody = connect("redis://127.0.0.1:1/0", patient=False)
@@ -125,7 +125,7 @@ def test_an_outage_neither_slows_nor_fails_a_run_and_loses_no_event(
         attempt.check()
         assert client.xlen(events_key(job_id)) == 0
         line._client = client  # the server is back
-        eventually(lambda: client.xlen(events_key(job_id)) == 20)
+        within(10, lambda: client.xlen(events_key(job_id)) == 20)
         assert line.askers
         assert threading.get_ident() not in line.askers  # the computation never waited for an answer
 
@@ -135,7 +135,6 @@ def test_an_outage_is_told_of_when_it_begins_and_when_it_is_over(
     records: JobRecords,
     job_id: str,
     caplog: pytest.LogCaptureFixture,
-    eventually: Callable[..., None],
 ) -> None:
     line = JobRecords(connect("redis://127.0.0.1:1/0", patient=False))
     with (
@@ -145,7 +144,7 @@ def test_an_outage_is_told_of_when_it_begins_and_when_it_is_over(
         attempt.on_progress(iteration(1))
         time.sleep(5 * REPORT_SECONDS)
         line._client = client_of(broker_url)  # the server is back
-        eventually(lambda: len(caplog.messages) > 1)
+        within(10, lambda: len(caplog.messages) > 1)
     assert caplog.messages == [
         f"job {job_id}: progress waits (ConnectionError)",
         f"job {job_id}: progress waits no longer",
@@ -156,7 +155,6 @@ def test_events_that_come_while_others_are_sent_are_not_lost(
     broker_url: str,
     records: JobRecords,
     job_id: str,
-    eventually: Callable[..., None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As many wait as may, as after an outage."""
@@ -173,11 +171,11 @@ def test_events_that_come_while_others_are_sent_are_not_lost(
     with Attempt(SlowLine(client), job_id, 1, seconds=60, retention=60) as attempt:
         for number in range(1, 11):
             attempt.on_progress(iteration(number))
-        eventually(lambda: client.xlen(events_key(job_id)) == 15, 3)
+        within(3, lambda: client.xlen(events_key(job_id)) == 15)
 
 
 def test_the_oldest_events_make_room_in_a_long_outage(
-    broker_url: str, job_id: str, eventually: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+    broker_url: str, job_id: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("worker.attempt.EVENTS_KEPT", 10)
     client = client_of(broker_url)
@@ -187,6 +185,6 @@ def test_the_oldest_events_make_room_in_a_long_outage(
             attempt.on_progress(iteration(number))
             time.sleep(0.02)
         line._client = client  # the server is back
-        eventually(lambda: client.xlen(events_key(job_id)) == 10)
+        within(10, lambda: client.xlen(events_key(job_id)) == 10)
     kept = [json.loads(entry["data"])["iteration"] for _, entry in client.xrange(events_key(job_id))]
     assert kept == list(range(21, 31))

@@ -8,15 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import client_of
-from tests.worker.test_webhooks import SECRET, Receiver, receiver
+from tests.broker import client_of
+from tests.webhook_receiver import SECRET, Receiver
 from worker import delivery, storage
 from worker.records import Job, JobRecords, record_key
 from worker.settings import Settings
 from worker.webhooks import DELIVERIES
 from worker.workshop import Workshop
-
-__all__ = ["receiver"]
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gcvec.errors import InputError
-from tests.service.conftest import cvat, png
+from tests.uploads import cvat, png
 from worker.produce import Product, produce
 from worker.settings import Settings
 

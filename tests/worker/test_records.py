@@ -7,7 +7,7 @@ import uuid
 import pytest
 import redis
 
-from tests.conftest import client_of
+from tests.broker import client_of
 from worker.problems import problem
 from worker.questions import Answer
 from worker.records import (

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 import redis
 
-from tests.conftest import client_of
+from tests.broker import client_of
 from worker import sweeper as sweeping
 from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE, VECTORIZE, create_celery
 from worker.records import EXPIRY, Job, JobRecords, claim, create, finish, lease_key

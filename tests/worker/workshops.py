@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.conftest import client_of
+from tests.broker import client_of
 from worker import storage
 from worker.records import JobRecords
 from worker.settings import Settings

@@ -3,7 +3,6 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import replace
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,9 @@ from PIL import Image, ImageCms
 
 from gcvec.errors import InputError
 from gcvec.io import DEFAULT_LIMITS, probe_picture, read_picture
+from tests.picture_files import encoded, png_with_header, swapped_profile
 
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF")
-
-
-def encoded(image: Image.Image, kind: str = "PNG", **options: Any) -> bytes:
-    buffer = BytesIO()
-    image.save(buffer, kind, **options)
-    return buffer.getvalue()
 
 
 def blocks() -> Image.Image:
@@ -33,16 +27,6 @@ def blocks() -> Image.Image:
 
 def pixels(image: Image.Image) -> NDArray[np.uint8]:
     return np.asarray(image.convert("RGB"))
-
-
-def png_with_header(width: int, height: int) -> bytes:
-    """A PNG that states a size and holds no pixels."""
-
-    def chunk(kind: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -159,14 +143,6 @@ def test_srgb_profiles_leave_the_pixels_alone() -> None:
     noise = Image.fromarray(np.random.default_rng(1).integers(0, 256, (20, 30, 3), dtype=np.uint8))
     picture = read_picture(encoded(noise, icc_profile=profile))
     np.testing.assert_array_equal(picture.pixels, pixels(noise))
-
-
-def swapped_profile() -> bytes:
-    """sRGB with the red and the green primary exchanged: a profile nobody can overlook."""
-    profile = bytearray(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
-    red, green = profile.index(b"rXYZ"), profile.index(b"gXYZ")
-    profile[red : red + 4], profile[green : green + 4] = b"gXYZ", b"rXYZ"
-    return bytes(profile)
 
 
 @pytest.mark.parametrize("kind", FORMATS)

@@ -9,13 +9,11 @@ import httpx
 import pytest
 
 from tests.browser import Browser, Page
-from tests.service.conftest import Jobs, api, jobs, settings
+from tests.service.in_process import Jobs
 from worker.problems import problem
 from worker.records import claim, finish, report
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
-
-__all__ = ["api", "jobs", "settings"]
 
 
 def iteration(number: int, mse: float | None) -> dict[str, Any]:
@@ -74,14 +72,6 @@ def test_only_a_new_phase_is_read_out(browser: Browser, api: httpx.Client, jobs:
         assert jobs.records.run(report(job_id, 1, [{**iteration(3, None), "phase": "encode"}]))
         page.wait_for("told.length")
         assert page.evaluate("told") == ["Writing the file"]
-
-
-def failing(method: str, path: str) -> str:
-    """JavaScript that has the next two calls of a method to a path fail: a network's way, then a proxy's."""
-    broken = "away ? Promise.reject(new TypeError('away')) : new Response('<html>', { status: 502 })"
-    ours = f"(more?.method ?? 'GET') === '{method}' && String(url) === '{path}'"
-    step = f"(real) => (url, more) => {ours} && away && away-- ? {broken} : real(url, more)"
-    return f"window.away = 2; window.fetch = ({step})(fetch); 0"
 
 
 def test_an_outage_is_waited_for(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:

@@ -9,11 +9,10 @@ import pytest
 
 from gcvec.options import LARGEST_COUNT, MOST_SNAP
 from tests.browser import Browser, Page
-from tests.service.conftest import Jobs, api, cvat, jobs, png, settings
+from tests.service.in_process import Jobs
+from tests.uploads import cvat, png
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
-
-__all__ = ["api", "jobs", "settings"]
 
 
 def open_form(page: Page, api: httpx.Client, folder: Path) -> None:
