@@ -20,7 +20,7 @@ from gcvec.cli._files import check_files, write
 NOBODY = 65534
 
 
-def gcvec(*arguments: object) -> int:
+def exit_code(*arguments: object) -> int:
     return run([str(argument) for argument in arguments])
 
 
@@ -100,7 +100,7 @@ def test_a_link_into_no_folder_is_refused(
 ) -> None:
     link = tmp_path / "link.gcv"
     link.symlink_to(tmp_path / "missing" / "a.gcv")
-    assert gcvec("vectorize", photo, "-o", link) == 2
+    assert exit_code("vectorize", photo, "-o", link) == 2
     assert "no such folder" in capsys.readouterr().err
 
 
@@ -143,11 +143,11 @@ def test_no_command_writes_over_what_it_reads_or_writes(
     (folder / "linked").symlink_to(photo)
     for ending in (".png", ".xml"):
         photo.with_suffix(ending).write_bytes(photo.read_bytes())
-    assert gcvec("regions", photo, "-o", "regions.xml") == 0
-    assert gcvec("vectorize", photo, "-o", "drawn.gcv") == 0
+    assert exit_code("regions", photo, "-o", "regions.xml") == 0
+    assert exit_code("vectorize", photo, "-o", "drawn.gcv") == 0
     (folder / "drawn.gcv").rename("drawn.png")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    assert gcvec(*command.format(folder=folder.name).split()) == 2
+    assert exit_code(*command.format(folder=folder.name).split()) == 2
     assert "another file of this command" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
@@ -164,7 +164,7 @@ def test_a_standard_stream_is_for_one_file(
     photo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     monkeypatch.chdir(photo.parent)
-    assert gcvec(*command.split()) == 2
+    assert exit_code(*command.split()) == 2
     assert "one file only" in capsys.readouterr().err
     assert list(photo.parent.iterdir()) == [photo]
 
@@ -182,24 +182,24 @@ def test_what_is_written_is_what_the_ending_promises(
     photo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     monkeypatch.chdir(photo.parent)
-    assert gcvec(*command.split()) == 2
+    assert exit_code(*command.split()) == 2
     assert "out" in capsys.readouterr().err
     assert list(photo.parent.iterdir()) == [photo]
 
 
 def test_a_vector_image_may_have_any_other_name(photo: Path, tmp_path: Path) -> None:
     for name in ("plain", "photo.gcv.new", "photo.v1"):
-        assert gcvec("vectorize", photo, "-o", tmp_path / name) == 0
+        assert exit_code("vectorize", photo, "-o", tmp_path / name) == 0
 
 
 def test_several_outputs_may_go_to_nowhere(photo: Path) -> None:
-    assert gcvec("vectorize", photo, "-o", os.devnull, "--report", os.devnull) == 0
+    assert exit_code("vectorize", photo, "-o", os.devnull, "--report", os.devnull) == 0
     assert Path(os.devnull).is_char_device()
 
 
 def test_an_edit_may_be_written_in_place(photo: Path, tmp_path: Path) -> None:
     image = tmp_path / "a.gcv"
-    assert gcvec("vectorize", photo, "-o", image) == 0
+    assert exit_code("vectorize", photo, "-o", image) == 0
     before = image.read_bytes()
-    assert gcvec("edit", image, "-o", image, "--recolor", "0:#204060") == 0
+    assert exit_code("edit", image, "-o", image, "--recolor", "0:#204060") == 0
     assert image.read_bytes() != before

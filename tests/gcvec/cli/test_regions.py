@@ -1,7 +1,5 @@
 """Automatic regions on the command line: written, read back, and the same as those of a run without them."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from gcvec.cli._app import run
 from gcvec.io import DEFAULT_LIMITS, read_annotations, read_picture
 from gcvec.options import Options
 from gcvec.regions.partition import partition
+from tests.command import gcvec, refused
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +46,7 @@ def test_regions_come_back(photo: Path, tmp_path: Path, ending: str, count: int)
     ],
 )
 def test_regions_refuses(photo: Path, tmp_path: Path, options: tuple[str, ...], named: str) -> None:
-    command = [sys.executable, "-m", "gcvec.cli", "regions", str(photo), *options]
-    refused = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60)
-    assert refused.returncode == 2
-    assert refused.stdout == ""
-    assert refused.stderr.startswith("gcvec: ")
-    assert refused.stderr.count("\n") == 1
-    assert named in refused.stderr
+    refused(gcvec("regions", photo, *options, cwd=tmp_path), named)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -71,5 +64,5 @@ def test_what_is_found_by_itself_can_always_be_read_again(
         output = tmp_path / f"noise.{ending}"
         assert run(["regions", str(tmp_path / "noise.png"), "-o", str(output)]) == 0
         assert len(read_annotations(output.read_bytes(), limits=limits).shapes) == most
-        refused = run(["regions", str(tmp_path / "noise.png"), "-o", str(output), "--regions", str(most + 1)])
-        assert refused == 2
+        code = run(["regions", str(tmp_path / "noise.png"), "-o", str(output), "--regions", str(most + 1)])
+        assert code == 2
