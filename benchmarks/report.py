@@ -8,6 +8,7 @@ from typing import Any
 
 from benchmarks import codecs, delaunay_gouraud, tracing
 from benchmarks.command import whole_command
+from benchmarks.editing import edits
 from benchmarks.engine import vectorized
 from benchmarks.growth import exponent, grown
 from benchmarks.machine import description
@@ -37,6 +38,9 @@ The median of three runs, with all that the process takes to start."""
 EFFORTS = """\
 More effort exchanges more control points for better ones."""
 
+EDITS = """\
+Nothing is fitted or solved again. Moves include the search for fold-overs. Medians of five runs."""
+
 PAPER = """\
 The paper's strategy adds one point at a time and brings each region within its target by itself, at pixel
 centres. The default one is given the error of its picture as the target. Both errors are those of the
@@ -55,7 +59,7 @@ def document(plan: Plan, run: Run) -> str:
     }
     commands = _commands(plan, run)
     sizes, efforts = _sizes(plan, run, results), _efforts(plan, run)
-    strategies = _strategies(plan, run)
+    strategies, edited = _strategies(plan, run), _edits(plan, run)
     growth = _growth(plan, run)  # last, for it may use up the run's time
     sections = (
         ["# Benchmarks", f"Written by `make bench` on {datetime.now(UTC):%Y-%m-%d}."],
@@ -67,6 +71,7 @@ def document(plan: Plan, run: Run) -> str:
         growth,
         sizes,
         strategies,
+        edited,
     )
     return "\n\n".join(part for section in sections for part in section) + "\n"
 
@@ -205,6 +210,18 @@ def _strategies(plan: Plan, run: Run) -> list[str]:
     heading += ["seconds, paper", "seconds", "times as fast"]
     size = f"{1e6 * plan.paper_size:,.0f} pixels in {plan.paper_regions} regions"
     return [f"## The paper's strategy, {size}", _table(heading, rows), PAPER]
+
+
+def _edits(plan: Plan, run: Run) -> list[str]:
+    rows = []
+    for name in plan.pictures:
+        outcome = run.measure(edits, name=name, megapixels=plan.size, target_mse=plan.timed_target)
+        figures = (
+            [outcome.failure] if outcome.failure else [f"{1000 * s:.1f}" for s in outcome.value.values()]
+        )
+        rows.append([name, *figures])
+    heading = ["picture", "move, ms", "recolour, ms", "move and draw, ms"]
+    return [f"## Edits, at an error of {plan.timed_target:g}", EDITS, _table(heading, rows)]
 
 
 def _entry(outcome: Outcome, number: int | None) -> Any:

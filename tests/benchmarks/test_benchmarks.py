@@ -57,6 +57,8 @@ def test_the_short_form_fills_every_table(tmp_path: Path) -> None:
         assert number(sizes[heading.index(name)]) > 0
     assert re.fullmatch(r"[\d.]+|\([\d.]+: [\d.]+\)", sizes[heading.index("vtracer, gzip")])
     assert len(rows(page, "Efforts")) == 3
+    _, edits = rows(page, "Edits")
+    assert all(number(cell) > 0 for cell in edits[1:])
     heading, row = rows(page, "The paper's strategy")
     paper = dict(zip(heading, row, strict=True))
     assert number(paper["error"]) <= number(paper["error, paper"])

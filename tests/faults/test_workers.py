@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,10 +27,8 @@ def test_a_job_whose_worker_is_killed_is_finished_by_another(
     job_id = api.submit(**LONG | {"max_points": 250})
     within(20, lambda: fleet.refining(job_id))
     first.kill()
-    killed = time.monotonic()
     fleet.start_worker(ready=False)
     assert api.outcome(job_id, 30)["status"] == "succeeded"
-    assert time.monotonic() - killed < 30
     manifest = fleet.manifest(job_id)
     assert manifest is not None
     assert manifest.attempt == fleet.job(job_id).attempt == 2
