@@ -15,10 +15,10 @@ EDGE, DRAWN = 30, 32
 """Where the picture changes colour, and where the border was drawn: pixels from the left."""
 
 
-def border_position(options: Options) -> float:
+def border_position(options: Options, edge: int = EDGE) -> float:
     """Where the border between the two regions runs in the vector image, pixels from the left."""
     pixels = np.full((40, 60, 3), 60, np.uint8)
-    pixels[:, EDGE:] = 180
+    pixels[:, edge:] = 180
     halves = [(0.0, DRAWN), (DRAWN, 60.0)]
     shapes = tuple(
         Shape(name, rings=(np.array([(left, 0), (right, 0), (right, 40), (left, 40)], float),))
@@ -37,8 +37,11 @@ def test_snap_0_keeps_borders_as_they_were_drawn() -> None:
     assert border_position(Options(snap=0)) == pytest.approx(DRAWN, abs=0.51)
 
 
-def test_borders_move_no_further_than_snap() -> None:
-    assert border_position(Options(snap=1)) >= DRAWN - 2
+def test_snap_bounds_how_far_borders_move() -> None:
+    """First by whole pixels and then, as far again, between them."""
+    edge = DRAWN - 4
+    assert border_position(Options(snap=4), edge) == pytest.approx(edge, abs=0.25)
+    assert border_position(Options(snap=1), edge) >= DRAWN - 2
 
 
 @pytest.mark.parametrize("snap", [-1, 20.5, float("nan"), float("inf")])
