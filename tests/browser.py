@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import time
 from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from PIL import Image
 from websockets.sync.client import ClientConnection, connect
 
 from tests.readers import require
+from tests.waiting import within
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
@@ -49,7 +49,7 @@ class Browser:
             stderr=subprocess.DEVNULL,
         )
         port_file = profile / "DevToolsActivePort"
-        _wait_until(lambda: port_file.exists() and "\n" in port_file.read_text(), 30)
+        within(30, lambda: port_file.exists() and "\n" in port_file.read_text(), "the browser")
         self._address = f"127.0.0.1:{port_file.read_text().splitlines()[0]}"
 
     @contextmanager
@@ -113,7 +113,7 @@ class Page:
         """Go there and wait until everything is loaded."""
         self._loaded = False
         self.send("Page.navigate", url=url)
-        _wait_until(lambda: (self.evaluate("1"), self._loaded)[1], 30)
+        within(30, lambda: (self.evaluate("1"), self._loaded)[1], url)
 
     def evaluate(self, expression: str) -> Any:
         """The value of a JavaScript expression, awaited if it is a promise."""
@@ -123,7 +123,7 @@ class Page:
 
     def wait_for(self, expression: str, seconds: float = 30) -> None:
         """Wait until the expression is true."""
-        _wait_until(lambda: self.evaluate(f"Boolean({expression})"), seconds, expression)
+        within(seconds, lambda: self.evaluate(f"Boolean({expression})"), expression)
 
     def screenshot(self) -> NDArray[np.uint8]:
         """What the viewport shows, `(h, w, 3) uint8`."""
@@ -161,13 +161,6 @@ class Page:
 
     def _mouse(self, kind: str, at: tuple[float, float], **more: Any) -> None:
         self.send("Input.dispatchMouseEvent", type=kind, x=at[0], y=at[1], **more)
-
-
-def _wait_until(condition: Any, seconds: float, what: str = "the browser") -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, f"not within {seconds} s: {what}"
-        time.sleep(0.05)
 
 
 def failing(method: str, path: str) -> str:

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 
 
-def within(seconds: float, condition: Callable[[], object]) -> None:
-    """Wait until a condition holds; fail if it does not within `seconds`."""
+def within(seconds: float, condition: Callable[[], object], what: str = "what is waited for") -> None:
+    """Wait until a condition holds; fail, naming `what`, if it does not within `seconds`."""
     deadline = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < deadline, f"not within {seconds} s"
+        assert time.monotonic() < deadline, f"not within {seconds} s: {what}"
         time.sleep(0.05)

@@ -23,6 +23,7 @@ from tests.keys import BOB, key
 from tests.picture_files import encoded, pixels
 from tests.problems import refused
 from tests.shaded_box import BOX, GROUND, HEIGHT, WIDTH, cvat
+from tests.waiting import within
 
 pytestmark = pytest.mark.service
 
@@ -54,13 +55,14 @@ def endless(api: httpx.Client) -> Iterator[dict[str, Any]]:
 
 def running(api: httpx.Client, job: dict[str, Any]) -> dict[str, Any]:
     """The job once it runs and tells of its progress."""
-    deadline = time.monotonic() + 120
-    while time.monotonic() < deadline:
-        now: dict[str, Any] = api.get(job["links"]["self"]).json()
-        if now["status"] == "running" and now["progress"]:
-            return now
-        time.sleep(0.1)
-    raise AssertionError("the job does not run")
+    now: dict[str, Any] = {}
+
+    def runs() -> bool:
+        now.update(api.get(job["links"]["self"]).json())
+        return now["status"] == "running" and bool(now["progress"])
+
+    within(120, runs, "the job runs")
+    return now
 
 
 def events(api: httpx.Client, link: str, after: int | None = None) -> list[dict[str, Any]]:
@@ -306,10 +308,7 @@ def test_what_is_not_ready_is_a_conflict(api: httpx.Client, endless: dict[str, A
 def test_what_has_expired_is_gone(guarded: httpx.Client, photo: bytes) -> None:
     job = ended(guarded, submitted(guarded, photo, target_mse=60))
     assert job["status"] == "succeeded"
-    deadline = time.monotonic() + 30
-    while guarded.get(job["links"]["self"]).status_code == 200:
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
+    within(30, lambda: guarded.get(job["links"]["self"]).status_code != 200, "its expiry")
     for name in ("self", "events", "result", "gcv", "preview"):
         refused(guarded.get(job["links"][name]), 410, "gone")
 

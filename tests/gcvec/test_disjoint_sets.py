@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from gcvec.disjoint_sets import united
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(n=st.integers(1, 30), pairs=st.integers(0, 40), seed=st.integers(0, 1000))
 def test_united_things_are_scipys_components(n: int, pairs: int, seed: int) -> None:
     first, second = np.random.default_rng(seed).integers(0, n, (2, pairs))

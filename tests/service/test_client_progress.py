@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.browser import Browser, Page
+from tests.browser import Browser, Page, failing
 from tests.service.in_process import Jobs
 from worker.problems import problem
 from worker.records import claim, finish, report

@@ -110,7 +110,7 @@ maps = given(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @maps
 def test_every_crack_lies_in_one_arc_with_the_right_sides(owners: np.ndarray) -> None:
     labels = connected_components(owners)
@@ -127,7 +127,7 @@ def test_every_crack_lies_in_one_arc_with_the_right_sides(owners: np.ndarray) ->
     assert seen == Counter(truth.keys())
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @maps
 def test_loops_bound_their_regions(owners: np.ndarray) -> None:
     labels = connected_components(owners)
@@ -149,7 +149,7 @@ def test_loops_bound_their_regions(owners: np.ndarray) -> None:
     assert used == Counter(expected - outer)
 
 
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 @maps
 def test_nodes_are_where_arcs_meet(owners: np.ndarray) -> None:
     graph = planar_graph(connected_components(owners))

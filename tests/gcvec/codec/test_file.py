@@ -77,7 +77,7 @@ def test_other_versions_are_refused(version: int) -> None:
         decode(sealed(file_of("ring")[8:], version))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(at=st.integers(0, 10**6), value=st.integers(1, 255))
 def test_a_flipped_byte_is_noticed(at: int, value: int) -> None:
     data = bytearray(file_of("ring"))
@@ -86,7 +86,7 @@ def test_a_flipped_byte_is_noticed(at: int, value: int) -> None:
         decode(bytes(data))
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(scene=st.sampled_from(["ring", "quadrants", "stripes"]), data=st.data())
 def test_a_forged_file_decodes_or_is_refused(scene: str, data: st.DataObject) -> None:
     """With the checksum mended, so that the damage reaches the decoder."""
@@ -101,7 +101,7 @@ def test_a_forged_file_decodes_or_is_refused(scene: str, data: st.DataObject) ->
     assert image.render().shape == (image.height, image.width, 3)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(stream=st.binary(max_size=400))
 def test_random_bytes_are_refused_or_decoded(stream: bytes) -> None:
     with contextlib.suppress(InputError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
@@ -30,7 +30,6 @@ def random_curve(m: int, closed: bool, seed: int, d: int) -> tuple[np.ndarray, n
     return control, np.concatenate([np.arange(m + 1.0), rng.uniform(0, m, 20)])
 
 
-@settings(deadline=None)
 @curves
 def test_evaluation_equals_scipy(m: int, closed: bool, seed: int, d: int) -> None:
     control, u = random_curve(m, closed, seed, d)
@@ -39,7 +38,6 @@ def test_evaluation_equals_scipy(m: int, closed: bool, seed: int, d: int) -> Non
     )
 
 
-@settings(deadline=None)
 @curves
 def test_bezier_pieces_trace_the_curve(m: int, closed: bool, seed: int, d: int) -> None:
     control, _ = random_curve(m, closed, seed, d)

@@ -26,7 +26,7 @@ def slowly(segments: np.ndarray, asked: np.ndarray) -> np.ndarray:
     return bad
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 40), whole=st.booleans())
 def test_crossings_equal_shapelys(seed: int, n: int, whole: bool) -> None:
     """On a small lattice most pairs touch, overlap or share an end."""

@@ -71,7 +71,7 @@ def test_polygons_have_about_the_area_of_their_regions(scene: str) -> None:
         assert abs(polygon.area - pixels.sum()) <= 0.5 * polygon.length
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     owners=st.tuples(st.integers(1, 14), st.integers(1, 14)).flatmap(
         lambda shape: arrays(np.int32, shape, elements=st.integers(0, 2), fill=st.nothing())

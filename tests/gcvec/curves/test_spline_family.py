@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
@@ -20,7 +20,6 @@ def families(draw: st.DrawFn) -> tuple[SplineFamily, np.ndarray]:
     return family, np.random.default_rng(draw(st.integers(0, 99))).normal(size=(sum(counts), 2))
 
 
-@settings(deadline=None)
 @given(families())
 def test_family_evaluates_and_splits_like_its_members(made: tuple[SplineFamily, np.ndarray]) -> None:
     family, control = made
@@ -38,7 +37,6 @@ def test_family_evaluates_and_splits_like_its_members(made: tuple[SplineFamily, 
         np.testing.assert_array_equal(of_curve, bspline.bezier(own, bool(closed)))
 
 
-@settings(deadline=None)
 @given(families())
 def test_bend_is_the_largest_second_derivative_of_a_segment(made: tuple[SplineFamily, np.ndarray]) -> None:
     family, control = made

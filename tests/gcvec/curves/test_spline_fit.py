@@ -65,7 +65,7 @@ def test_closed_pia_converges_to_the_periodic_least_squares_fit() -> None:
     np.testing.assert_allclose(fit(samples, m, closed=True, sweeps=100_000), expected, atol=1e-6)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(n=st.integers(2, 60), seed=st.integers(0, 10**6), distance=st.sampled_from([0.25, 0.5, 2.0]))
 def test_fit_within_comes_as_close_as_asked(n: int, seed: int, distance: float) -> None:
     steps = np.random.default_rng(seed).integers(0, 2, n - 1)

@@ -21,7 +21,7 @@ from gcvec.parts.messages import (
 )
 from gcvec.parts.part import refine_part
 from tests.gcvec.crews import Alone
-from tests.gcvec.parts.test_messages import a_result
+from tests.gcvec.parts.made import a_result
 from tests.gcvec.scenes import SCENES, Scene, voronoi
 from tests.gcvec.soundness import assert_sound
 

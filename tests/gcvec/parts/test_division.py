@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from gcvec.borders.border import borders
-from gcvec.borders.planar_graph import planar_graph
-from gcvec.curves.network_fit import fitted_network
 from gcvec.parts.division import CELL, divided, part_of
-from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundation, lay_unfolded_foundation
-from gcvec.quantization import Quantization
-from tests.gcvec.scenes import SCENES, foundation_of, some_points, voronoi
-
-
-@cache
-def wide() -> Foundation:
-    """Larger than a cell, so that parts begin elsewhere than the picture; some borders soft."""
-    made = voronoi(300, 700, 14, 3)
-    traced = borders(planar_graph(made.labels), made.width, made.height)
-    network = fitted_network(traced, traced, Quantization().grid)
-    hard = np.array([not curve.on_frame and c % 3 > 0 for c, curve in enumerate(network.curves)])
-    return lay_unfolded_foundation(network, hard)
+from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundation
+from tests.gcvec.parts.made import wide
+from tests.gcvec.scenes import SCENES, foundation_of, some_points
 
 
 def scene(name: str) -> Foundation:

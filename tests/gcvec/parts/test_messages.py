@@ -3,51 +3,20 @@ from __future__ import annotations
 import dataclasses
 import io
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gcvec.parts.division import part_of
 from gcvec.parts.messages import (
     DamagedPartError,
-    PartRequest,
-    PartResult,
     request_bytes,
     request_from,
     result_bytes,
     result_from,
 )
 from gcvec.parts.part import refine_part
-from tests.gcvec.parts.test_division import wide
-
-
-@cache
-def a_request() -> PartRequest:
-    part = part_of(wide(), [2, 3, 7])
-    return PartRequest(
-        number=5,
-        rounds=0,
-        network=part.network,
-        hard=part.hard,
-        prior=np.full((len(part.colors), 3), 0.25),
-        points=np.zeros((0, 2), np.int64),
-        colors=np.full((len(part.colors), 3), 0.5),
-        fair_aim=4.5,
-        goal=12.5,
-        shares=(0.0, 0.2),
-        max_points=300,
-        bias=1.25,
-        shared=np.array([3, 4], np.int64),
-        wanted=np.full((2, 3), 0.125, np.float32),
-    )
-
-
-@cache
-def a_result() -> PartResult:
-    pixels = np.random.default_rng(0).integers(0, 256, (300, 700, 3)).astype(np.uint8)
-    return refine_part(a_request(), pixels, lambda _: None)
+from tests.gcvec.parts.made import a_request, a_result
 
 
 def assert_same(one: Any, other: Any) -> None:

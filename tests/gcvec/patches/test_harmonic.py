@@ -83,7 +83,7 @@ def random_domain(seed: int, n: int, holes: int, n_inside: int) -> Domain:
     return meshed(rings, candidates[clear], 12)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     n=st.integers(7, 14),

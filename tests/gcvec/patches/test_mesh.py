@@ -34,7 +34,7 @@ def free_points_slowly(sites: np.ndarray, width: int, height: int) -> set[tuple[
     return found
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     width=st.integers(1, 1200),
     height=st.integers(1, 1200),

@@ -16,7 +16,7 @@ from tests.gcvec.scenes import SCENES, foundation_of, some_points
 TRIANGLE = np.array([[0, 1, 2]])
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(corners=st.tuples(*[st.tuples(st.floats(0, 7), st.floats(0, 7))] * 3).map(np.array))
 def test_areas_add_up_to_the_triangle(corners: np.ndarray) -> None:
     (ux, uy), (vx, vy) = corners[1] - corners[0], corners[2] - corners[0]

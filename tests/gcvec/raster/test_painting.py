@@ -22,7 +22,7 @@ def painted_slowly(corners: np.ndarray, colors: np.ndarray, width: int, height: 
     return values.reshape(height, n, width, n, -1).mean(axis=(1, 3))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     corners=st.tuples(*[st.tuples(st.floats(-3, 9), st.floats(-3, 8))] * 3).map(np.array),
     seed=st.integers(0, 1000),
