@@ -167,12 +167,15 @@ redis.call('PUBLISH', 'gcvec:changes', 'progress ' .. ARGV[1])
 return 1
 """
 
+# The lease goes first: a Redis that is full lets a script write that has begun by removing something, so that
+# jobs can end, be cancelled and be forgotten there.
 _FINISH = """
 local status = redis.call('HGET', KEYS[1], 'status')
 if status ~= 'queued' and status ~= 'running' then return 0 end
 if ARGV[2] ~= '' and redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[2] then return 0 end
 local owner = redis.call('HGET', KEYS[1], 'owner')
 local before = redis.call('HGET', KEYS[1], 'bytes')
+redis.call('DEL', KEYS[2])
 local number = redis.call('HINCRBY', KEYS[1], 'last_event', 1)
 redis.call('HSET', KEYS[1], 'status', ARGV[3], 'finished_at', ARGV[4], 'expires_at', ARGV[5])
 for i = 6, #ARGV, 2 do
@@ -184,7 +187,6 @@ redis.call('HINCRBY', 'gcvec:stored', owner, redis.call('HGET', KEYS[1], 'bytes'
 redis.call('SREM', 'gcvec:unfinished:' .. owner, ARGV[1])
 redis.call('HINCRBYFLOAT', 'gcvec:totals', 'finished:' .. ARGV[3], 1)
 redis.call('XADD', KEYS[3], number .. '-0', 'type', 'state', 'data', ARGV[3])
-redis.call('DEL', KEYS[2])
 if redis.call('HEXISTS', KEYS[1], 'webhook') == 1 then
     redis.call('ZADD', 'gcvec:deliveries', ARGV[4], ARGV[1] .. ' ' .. ARGV[3])
 end

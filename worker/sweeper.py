@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from base64 import b64decode
+from contextlib import suppress
 from typing import Any, Final
 
 import redis
@@ -19,6 +20,7 @@ from worker.records import (
     LEASE_SECONDS,
     JobRecords,
     connect,
+    events_key,
     lease_key,
     record_key,
     requeue,
@@ -56,6 +58,8 @@ class Sweeper:
                     self.sweep()
                 time.sleep(_PERIOD)
             except Exception as error:
+                if isinstance(error, redis.OutOfMemoryError):
+                    self.make_room()
                 # After an outage running attempts get time to renew their leases before they count as dead.
                 logger.warning("sweep failed: %s", type(error).__name__)
                 time.sleep(LEASE_SECONDS)
@@ -73,6 +77,13 @@ class Sweeper:
             app.send_task(DELIVER, [entry, int(self._client.get(tries_key(entry)) or 0)])
         if self._client.set("gcvec:tidied", "1", nx=True, px=int(1000 * self._tidy_seconds)):
             app.send_task(TIDY)
+
+    def make_room(self) -> None:
+        """Forget the events of expired jobs, which nobody may ask for: they are most of what Redis holds, and
+        one that is full takes no message to have the rest removed."""
+        with suppress(redis.RedisError):
+            if expired := self._client.zrange(EXPIRY, 0, time.time(), byscore=True):
+                self._client.delete(*map(events_key, expired))
 
     def _due(self, schedule: str, queue: str, seconds: float) -> list[str]:
         """What a schedule holds that its time has come for. It is due again after so many seconds.

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any, Final
 
 import redis.asyncio as redis
+from redis.exceptions import ResponseError
+
+from worker import logs
+
+logger = logging.getLogger(__name__)
 
 _BURST_SECONDS: Final = 10.0
 """So much of its allowance an owner may use at once."""
@@ -27,11 +33,22 @@ class Rates:
     def __init__(self, client: redis.Redis, requests_per_minute: int) -> None:
         self._script: Any = client.register_script(_TAKE)
         self._rate = requests_per_minute
+        self._outage = logs.Outage(logger, "requests are not counted", "requests are counted again")
 
     async def take(self, owner: str) -> float:
-        """Take a request from the owner's allowance: 0, or the seconds after which there is one."""
+        """Take a request from the owner's allowance: 0, or the seconds after which there is one.
+
+        A Redis that is full, or cannot write its log, counts nothing: what it holds can still be looked at,
+        and jobs deleted to make room.
+        """
         if self._rate == 0:
             return 0.0
         cost = 60_000 / self._rate
         depth = max(cost, 1000 * _BURST_SECONDS)
-        return float(await self._script(keys=[f"gcvec:rate:{owner}"], args=[cost, depth])) / 1000
+        try:
+            milliseconds = await self._script(keys=[f"gcvec:rate:{owner}"], args=[cost, depth])
+        except ResponseError as error:
+            self._outage.goes_on(error)
+            return 0.0
+        self._outage.is_over()
+        return float(milliseconds) / 1000

@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.fleet import LONG, ON_EVERY_SERVER, SHORT, Fleet, one_region, picture
+from tests.fleet import ENDLESS, LONG, ON_EVERY_SERVER, SHORT, Fleet, one_region, picture
 from tests.running_service import start_service
 from tests.waiting import within
 
@@ -61,6 +61,33 @@ def test_without_a_broker_nothing_is_accepted_and_nothing_is_left(
     assert api.http.get("/v1/jobs").json()["jobs"] == []
     assert fleet.client.keys("gcvec:*job*") == []
     assert fleet.client.llen("gcvec-jobs") == 0
+
+
+@ON_EVERY_SERVER
+def test_with_a_full_broker_jobs_end_and_can_be_looked_at_and_deleted(
+    start_fleet: Callable[..., Fleet], server: Path
+) -> None:
+    fleet = start_fleet(server)
+    api, worker = fleet.start_api(), fleet.start_worker()
+    ended, running, unwanted = api.submit(**SHORT), api.submit(**LONG), api.submit(**ENDLESS)
+    assert api.outcome(ended)["status"] == "succeeded"
+    within(20, lambda: fleet.refining(running))
+    fleet.client.config_set("maxmemory", 1)
+    assert api.http.get("/v1/jobs").status_code == 200
+    assert api.http.get("/metrics").status_code == 200
+    assert api.http.get(f"/v1/jobs/{ended}/result.gcv").status_code == 200
+    refused = api.post(**SHORT)
+    assert (refused.status_code, refused.headers["retry-after"]) == (503, "5")
+    assert len({path.split("/")[1] for path in fleet.files()}) == 3
+    assert api.http.delete(f"/v1/jobs/{ended}").status_code == 204
+    assert api.http.get(f"/v1/jobs/{ended}").status_code == 410
+    assert api.http.delete(f"/v1/jobs/{unwanted}").status_code == 204
+    assert api.outcome(running, 90)["status"] == "succeeded"
+    fleet.client.config_set("maxmemory", 0)
+    worker.kill()  # Celery's has ended by itself, or may yet, where it could not acknowledge a message
+    fleet.start_worker()
+    assert api.outcome(api.submit(**SHORT))["status"] == "succeeded"
+    assert [fleet.job(job_id).attempt for job_id in (running, unwanted)] == [1, 0]
 
 
 def test_events_go_on_where_they_were_after_the_api_was_killed(fleet: Fleet) -> None:

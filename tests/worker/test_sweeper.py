@@ -9,7 +9,7 @@ import redis
 from tests.broker import client_of
 from worker import sweeper as sweeping
 from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE, VECTORIZE, create_celery
-from worker.records import EXPIRY, Job, JobRecords, claim, create, finish, lease_key
+from worker.records import EXPIRY, Job, JobRecords, claim, create, events_key, finish, lease_key
 from worker.settings import Settings
 from worker.sweeper import Sweeper
 from worker.webhooks import DELIVERIES
@@ -107,3 +107,21 @@ def test_a_running_job_is_lost_with_its_lease(
     client.delete(lease_key("running"))
     assert sweeper.lost() == ["running"]
     assert client.llen(JOBS_QUEUE) == 1
+
+
+def test_a_full_broker_gets_room_from_what_has_expired(
+    client: redis.Redis, sweeper: Sweeper, records: JobRecords
+) -> None:
+    for name, retention in (("expired", -1), ("kept", 60)):
+        waiting(records, name, 1)
+        assert records.run(claim(name)) == 1
+        assert records.run(finish(name, "failed", retention=retention)) == 1
+    client.config_set("maxmemory", 1)
+    try:
+        with pytest.raises(redis.OutOfMemoryError):
+            client.set("gcvec:sweeper", "1")
+        sweeper.make_room()
+    finally:
+        client.config_set("maxmemory", 0)
+    assert client.keys("gcvec:events:*") == [events_key("kept")]
+    assert records.get("expired") is not None  # to be removed with its files
