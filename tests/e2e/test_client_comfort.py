@@ -15,6 +15,29 @@ from tests.waiting import within
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
 
+FAINT = """(() => {
+    const canvas = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+    const paint = (...colors) => {
+        for (const color of colors) (canvas.fillStyle = color), canvas.fillRect(0, 0, 1, 1);
+        const linear = [...canvas.getImageData(0, 0, 1, 1).data].map((value) => (value / 255) ** 2.2);
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2] + 0.05;
+    };
+    const faint = [];
+    for (const element of document.querySelectorAll("body *")) {
+        const hasText = [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+        if (!element.checkVisibility() || !(hasText || element.placeholder)) continue;
+        const grounds = ["Canvas"];
+        for (let at = element; at; at = at.parentElement) {
+            grounds.splice(1, 0, getComputedStyle(at).backgroundColor);
+        }
+        const ink = getComputedStyle(element, hasText ? null : "::placeholder").color;
+        const [dark, light] = [paint(...grounds), paint(...grounds, ink)].sort((a, b) => a - b);
+        if (light / dark < 4.5) faint.push(`${element.id || element.textContent}: ${light / dark}`);
+    }
+    return faint;
+})()"""
+"""Visible text, by JavaScript, that stands out from its ground by less than WCAG 2.2 asks for (1.4.3)."""
+
 
 @pytest.fixture(scope="module")
 def job(running_service: RunningService) -> str:
@@ -59,6 +82,23 @@ def test_the_form_stays_within_its_card(
         )
         assert all(left < box["left"] and box["right"] <= right - 16 for box in boxes if box["width"])
         assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out_from_its_ground(
+    browser: Browser, running_service: RunningService, job: str, scheme: str
+) -> None:
+    with browser.page(900, 700) as page:
+        preference = {"name": "prefers-color-scheme", "value": scheme}
+        page.send("Emulation.setEmulatedMedia", features=[preference])
+        page.open(f"{running_service.url}/")
+        page.evaluate("document.querySelector('form details').open = true")
+        assert page.evaluate(FAINT) == []
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        page.press("o")
+        page.evaluate("for (const menu of document.querySelectorAll('details.menu')) menu.open = true")
+        assert page.evaluate(FAINT) == []
 
 
 def test_escape_closes_a_menu_and_stays_where_it_was(browser: Browser, job: str) -> None:
