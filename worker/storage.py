@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import timedelta
+from pathlib import Path
 from typing import Final
 
 import obstore
@@ -200,6 +201,15 @@ def delete_folder(store: ObjectStore, folder: str) -> None:
     """Delete everything under `folder`; nothing there is fine."""
     for paths in _pages(store, folder):
         obstore.delete(store, paths)
+    if isinstance(store, LocalStore):
+        _delete_empty_folders(Path(str(store.prefix)) / folder)
+
+
+def _delete_empty_folders(folder: Path) -> None:
+    """Delete folders that hold nothing: on a full disk a file's folder is made, and then not the file."""
+    for place, _, _ in os.walk(folder, topdown=False):
+        with suppress(OSError):  # something is in it
+            os.rmdir(place)
 
 
 def last_written(store: ObjectStore, folder: str) -> float:

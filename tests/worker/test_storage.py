@@ -46,3 +46,14 @@ def test_only_the_folder_itself_is_deleted(store: ObjectStore) -> None:
     storage.delete_folder(store, storage.job_folder("x"))
     left = [entry["path"] for page in obstore.list(store) for entry in page]
     assert left == ["jobs/xy/a"]
+
+
+def test_folders_of_files_that_could_not_be_written_go_too(store: ObjectStore, tmp_path: Path) -> None:
+    jobs = tmp_path / "a folder" / "jobs"
+    (jobs / "x" / "attempt-1").mkdir(parents=True)
+    (jobs / "y" / "input").mkdir(parents=True)
+    storage.write(store, storage.image_path("x"), b"1")
+    storage.delete_folder(store, storage.attempt_folder("x", 1))
+    assert [place.name for place in (jobs / "x").iterdir()] == ["input"]
+    storage.delete_folder(store, storage.job_folder("y"))
+    assert [place.name for place in jobs.iterdir()] == ["x"]
