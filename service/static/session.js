@@ -59,12 +59,21 @@ export const callChecked = async (url, options) => checked(await call(url, optio
 export const callJson = async (url, options) => (await callChecked(url, options)).json();
 
 /** The same, across outages; `onAway` is told of them. */
-export const awaitJson = async (url, onAway) => (await awaitChecked(url, onAway)).json();
+export const awaitJson = async (url, onAway) => JSON.parse(await awaited(url, (answer) => answer.text(), onAway));
 
 /** A file as a Blob, across outages. */
-export const awaitBlob = async (url) => (await awaitChecked(url)).blob();
+export const awaitBlob = (url) => awaited(url, (answer) => answer.blob());
 
-const awaitChecked = async (url, onAway) => checked(await callPatiently(url, {}, onAway));
+/** What `read` takes out of an answer, which is asked for again where it breaks off, too. */
+async function awaited(url, read, onAway = () => {}) {
+  for (;;) {
+    const answer = await checked(await callPatiently(url, {}, onAway));
+    const content = await read(answer).catch(() => null);
+    if (content !== null) return content;
+    onAway();
+    await pause(PAUSE);
+  }
+}
 
 /** A file as a Blob. */
 export const callBlob = async (url) => (await callFile(url)).blob();

@@ -123,6 +123,19 @@ def test_a_photo_that_does_not_come_at_once_hides_no_patches(browser: Browser, j
         assert page.evaluate("document.getElementById('problem').hidden")
 
 
+def test_a_result_that_breaks_off_is_asked_for_again(browser: Browser, job: str) -> None:
+    path = httpx.URL(f"{job}/result").path
+    cut = "new Response(new ReadableStream({ pull: (body) => body.error(new TypeError('away')) }))"
+    first = f"(real) => (url, more) => url === '{path}' && !asked++ ? {cut} : real(url, more)"
+    with browser.page(900, 700) as page:
+        source = f"window.asked = 0; fetch = ({first})(fetch)"
+        page.send("Page.addScriptToEvaluateOnNewDocument", source=source)
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec", 10)
+        assert page.evaluate("asked") == 2
+        assert page.evaluate("document.getElementById('problem').hidden")
+
+
 def test_warnings_are_counted_where_they_can_be_looked_at(browser: Browser, job: str) -> None:
     with browser.page(900, 700) as page:
         page.open(f"{job}/view")
