@@ -157,6 +157,8 @@ def job_path(job_id: str) -> str:
 def _links(job: Job) -> dict[str, str]:
     base = job_path(job.id)
     links = {"self": base, "events": f"{base}/events"}
+    if job.status != "canceled":
+        links["image"] = f"{base}/image"
     if job.status == "succeeded":
         links |= {name: f"{base}/{kind.route}" for name, kind in (KINDS | EXPORTS).items()}
         links["edits"] = f"{base}/edits"

@@ -137,7 +137,7 @@ async function showResult(job) {
   showDetails(job, result);
   showDownloads(job);
   connectTools(view);
-  await connectOriginal(view, `${address}/image`);
+  await connectOriginal(view, job.links.image);
 }
 
 let summary = "";

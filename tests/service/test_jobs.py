@@ -12,6 +12,7 @@ from service.app import create_app
 from service.jobs.service import delete
 from tests.problems import refused
 from tests.service.in_process import Jobs
+from tests.uploads import png
 from worker.problems import problem
 from worker.records import claim, finish, report
 from worker.settings import Settings
@@ -47,7 +48,7 @@ def test_a_job_tells_its_progress_and_its_end(api: httpx.Client, jobs: Jobs) -> 
     assert failed["status"] == "failed"
     assert failed["error"] == error.as_dict()
     assert failed["created_at"] <= failed["started_at"] <= failed["finished_at"] < failed["expires_at"]
-    assert set(failed["links"]) == {"self", "events"}
+    assert set(failed["links"]) == {"self", "events", "image"}
 
 
 def test_a_long_poll_answers_when_the_job_ends(api: httpx.Client, jobs: Jobs) -> None:
@@ -162,3 +163,12 @@ def test_a_method_that_an_address_does_not_know_is_refused(
 def test_an_address_with_a_slash_too_many_is_another_one(api: httpx.Client) -> None:
     for path in ("/v1/jobs/", "/v1/jobs/x/result/", "/docs/"):
         refused(api.get(path), 404, "not-found")
+
+
+def test_the_picture_is_linked_to_as_long_as_it_is_there(api: httpx.Client, jobs: Jobs) -> None:
+    address = f"/v1/jobs/{jobs.submit()}"
+    assert api.get(api.get(address).json()["links"]["image"]).content == png()
+    api.delete(address)
+    canceled = api.get(address).json()
+    assert canceled["status"] == "canceled"
+    assert "image" not in canceled["links"]
