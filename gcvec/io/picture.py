@@ -92,18 +92,18 @@ def read_picture(
             image.load()
             image = _upright(image, notes)
             profile = image.info.get("icc_profile")
-            colour, alpha = _split_alpha(_eight_bit(image))
-            colour = _to_srgb(colour, profile, notes)
+            color, alpha = _split_alpha(_eight_bit(image))
+            color = _to_srgb(color, profile, notes)
         except InputError:
             raise
         except Exception as error:  # on damaged files Pillow's decoders raise nearly anything
             raise _unreadable(str(error)) from error
     if alpha is not None and alpha.getextrema() != (255, 255):
         notes.append("transparent pixels are laid over rgb({}, {}, {})".format(*matte))
-        background = Image.new("RGB", colour.size, matte)
-        background.paste(colour, mask=alpha)
-        colour = background
-    return Picture(np.array(colour, dtype=np.uint8), tuple(notes))
+        background = Image.new("RGB", color.size, matte)
+        background.paste(color, mask=alpha)
+        color = background
+    return Picture(np.array(color, dtype=np.uint8), tuple(notes))
 
 
 def _silence_libtiff() -> None:
@@ -223,21 +223,21 @@ def _split_alpha(image: Image.Image) -> tuple[Image.Image, Image.Image | None]:
     return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB"), None
 
 
-def _to_srgb(colour: Image.Image, icc: bytes | None, notes: list[str]) -> Image.Image:
+def _to_srgb(color: Image.Image, icc: bytes | None, notes: list[str]) -> Image.Image:
     if icc:
         try:
-            return _through_profile(colour, icc)
+            return _through_profile(color, icc)
         except (ImageCms.PyCMSError, OSError, ValueError, KeyError):
             notes.append("the colour profile is damaged or does not fit the picture; it is ignored")
-    if colour.mode == "CMYK":
+    if color.mode == "CMYK":
         notes.append("CMYK without a usable colour profile: converted by the plain formula")
-    return colour.convert("RGB")
+    return color.convert("RGB")
 
 
-def _through_profile(colour: Image.Image, icc: bytes) -> Image.Image:
+def _through_profile(color: Image.Image, icc: bytes) -> Image.Image:
     profile = ImageCms.ImageCmsProfile(BytesIO(icc))
     mode = _PROFILE_MODES[profile.profile.xcolor_space.strip()]
-    if (colour.mode == "CMYK") != (mode == "CMYK"):
+    if (color.mode == "CMYK") != (mode == "CMYK"):
         raise ValueError("profile of another colour space")
     transform = ImageCms.buildTransform(
         profile,
@@ -247,10 +247,10 @@ def _through_profile(colour: Image.Image, icc: bytes) -> Image.Image:
         ImageCms.Intent.RELATIVE_COLORIMETRIC,
         ImageCms.Flags.BLACKPOINTCOMPENSATION,
     )
-    colour = colour.convert(mode)
+    color = color.convert(mode)
     if mode == "RGB" and _is_identity(transform):
-        return colour
-    converted = ImageCms.applyTransform(colour, transform)
+        return color
+    converted = ImageCms.applyTransform(color, transform)
     assert converted is not None  # None only for a transformation in place
     return converted
 

@@ -28,8 +28,9 @@ many times that load: else they would be left over between groups."""
 
 
 @dataclass(frozen=True)
-class Borders:
-    """The borders between regions, one a pair: `first < second`, each `(k,)`, in ascending order of the pair.
+class AdjacencyGraph:
+    """The region adjacency graph: an edge for each pair of regions with a border in common, `first < second`,
+    `(k,)` each, in ascending order.
 
     `length (k,)` counts the cracks of a border; `energy (k,)` sums over them the squared colour step across,
     mean over the channels, `step (k, 3)` the step itself, from `first` to `second`. Steps are in units of the
@@ -46,20 +47,20 @@ class Borders:
         return len(self.first)
 
 
-def borders_between(
+def adjacency_graph(
     origin: NDArray[np.int64], target: NDArray[np.int64], step: NDArray[np.float64]
-) -> Borders:
-    """The borders made of single cracks, each between the regions `origin (n,)` and `target (n,)`, with the
-    colour step `(n, 3)` from the one to the other."""
+) -> AdjacencyGraph:
+    """The graph that comes of single cracks, each between the regions `origin (n,)` and `target (n,)`, with
+    the colour step `(n, 3)` from the one to the other."""
     energy = np.square(step).mean(axis=1)
     excess = np.maximum(energy / _SATURATION, 1.0)
     step = step / np.sqrt(excess)[:, None]
     n = int(max(origin.max(initial=-1), target.max(initial=-1))) + 1
-    return Borders(*summed(origin, target, np.ones(len(origin)), energy / excess, step, n))
+    return AdjacencyGraph(*summed(origin, target, np.ones(len(origin)), energy / excess, step, n))
 
 
 def merged(
-    borders: Borders,
+    graph: AdjacencyGraph,
     areas: NDArray[np.int64],
     regions: int = 0,
     load: NDArray[np.float64] | None = None,
@@ -74,14 +75,14 @@ def merged(
     """
     groups = np.arange(len(areas))
     load = np.zeros(len(areas)) if load is None else load
-    while len(borders) and len(areas) > max(regions, 1):
-        b = borders
-        smaller, gain = border_gains(b.first, b.second, b.length, b.energy, b.step, areas)
-        loads = np.stack([load[b.first], load[b.second]])
+    while len(graph) and len(areas) > max(regions, 1):
+        first, second = graph.first, graph.second
+        smaller, gain = border_gains(first, second, graph.length, graph.energy, graph.step, areas)
+        loads = np.stack([load[first], load[second]])
         allowed = np.where(loads.min(axis=0) <= _LIGHT * most_load, _OVERLOAD, 1) * most_load
         too_much = loads.sum(axis=0) > allowed
         gain[too_much & (areas[smaller] >= SLIVER_AREA)] = np.inf
-        chosen = weakest_of_smaller(borders.first, borders.second, smaller, gain, len(areas))
+        chosen = weakest_of_smaller(first, second, smaller, gain, len(areas))
         most = max(len(areas) // _BATCH, 1)
         if regions:
             most = min(most, len(areas) - regions)
@@ -90,12 +91,12 @@ def merged(
         chosen = _smallest(gain, chosen, most)
         if not len(chosen):
             break
-        joined = united(borders.first[chosen], borders.second[chosen], len(areas))
+        joined = united(first[chosen], second[chosen], len(areas))
         areas = np.bincount(joined, areas).astype(np.int64)
         load = np.bincount(joined, load).astype(np.float64)
         groups = joined[groups]
-        first, second = joined[borders.first], joined[borders.second]
-        borders = Borders(*summed(first, second, borders.length, borders.energy, borders.step, len(areas)))
+        columns = summed(joined[first], joined[second], graph.length, graph.energy, graph.step, len(areas))
+        graph = AdjacencyGraph(*columns)
     return groups
 
 
@@ -146,7 +147,8 @@ def _smallest(values: NDArray[np.float64], indices: NDArray[np.int64], count: in
 
 @kernel
 def summed(origin, target, length, energy, step, n):
-    """One border a pair of different regions, whichever of the two comes first: the columns of `Borders`."""
+    """One border a pair of different regions, whichever of the two comes first: the columns of
+    `AdjacencyGraph`."""
     low, high = np.minimum(origin, target), np.maximum(origin, target)
     order = _by(low, _by(high, np.flatnonzero(origin != target), n), n)
     first, second = np.empty(len(order), np.int64), np.empty(len(order), np.int64)

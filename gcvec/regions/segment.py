@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.regions.components import connected_components
-from gcvec.regions.merging import Borders, borders_between, merged
+from gcvec.regions.merging import AdjacencyGraph, adjacency_graph, merged
 from gcvec.regions.partition import Partition
 from gcvec.regions.watershed import flooded, minima
 from gcvec.smoothing import box_mean, gaussian
@@ -27,7 +27,7 @@ _TEXTURE_SHARE = 0.4
 _TEXTURE_WINDOW = 21
 """The width of that surrounding, pixels."""
 
-_Colours = NDArray[np.float32]
+_Colors = NDArray[np.float32]
 
 
 def segment(
@@ -43,30 +43,30 @@ def segment(
     it is `regions`, less only if the picture has fewer basins. No region has more than about `most_load` of
     the `load (h, w)` of its pixels. Borders lie where the colour changes most. Deterministic.
     """
-    colours = pixels.astype(np.float32)
-    scale = max(round(np.sqrt(colours[..., 0].size / _SEED_PIXELS)), 1)
-    basins = _basins(colours, scale)
-    steepness = _steepness(colours, scale)
-    borders = _borders(basins, colours, steepness, scale, least_step)
+    colors = pixels.astype(np.float32)
+    scale = max(round(np.sqrt(colors[..., 0].size / _SEED_PIXELS)), 1)
+    basins = _basins(colors, scale)
+    steepness = _steepness(colors, scale)
+    graph = _graph(basins, colors, steepness, scale, least_step)
     loads = None if load is None else np.bincount(basins.ravel(), load.ravel()).astype(np.float64)
-    groups = merged(borders, np.bincount(basins.ravel()), regions, loads, most_load)
+    groups = merged(graph, np.bincount(basins.ravel()), regions, loads, most_load)
     labels = connected_components(groups.astype(np.int32)[basins])
     return Partition(labels, (REGION,) * (int(labels.max()) + 1))
 
 
-def _steepness(colours: _Colours, sigma: float) -> NDArray[np.float32]:
+def _steepness(colors: _Colors, sigma: float) -> NDArray[np.float32]:
     """The step of the ideal edge that has the picture's gradient at this smoothing, levels, `(h, w)`."""
-    square = np.zeros(colours.shape[:2], dtype=np.float32)
-    for channel in np.moveaxis(colours, 2, 0):
+    square = np.zeros(colors.shape[:2], dtype=np.float32)
+    for channel in np.moveaxis(colors, 2, 0):
         for order in ((0, 1), (1, 0)):
             square += np.square(gaussian(channel, sigma, order))
     return np.sqrt(square / 3) * np.float32(sigma * np.sqrt(2 * np.pi))
 
 
-def _basins(colours: _Colours, scale: int) -> NDArray[np.int32]:
+def _basins(colors: _Colors, scale: int) -> NDArray[np.int32]:
     """Watershed basins of the steepness, numbered from 0, `(h, w)`."""
-    steepness = _steepness(colours, 1)
-    markers = None if scale == 1 else _markers(colours, scale)
+    steepness = _steepness(colors, 1)
+    markers = None if scale == 1 else _markers(colors, scale)
     return _flooded(steepness, markers)
 
 
@@ -75,40 +75,40 @@ def _flooded(steepness: NDArray[np.float32], markers: NDArray[np.int32] | None =
     return flooded(steepness, minima(steepness) if markers is None else markers) - 1
 
 
-def _markers(colours: _Colours, scale: int) -> NDArray[np.int32]:
+def _markers(colors: _Colors, scale: int) -> NDArray[np.int32]:
     """The lowest place of every basin of the reduced picture, numbered from 1 in the picture itself."""
-    height, width = colours.shape[0] // scale, colours.shape[1] // scale
-    blocks = colours[: height * scale, : width * scale].reshape(height, scale, width, scale, 3)
+    height, width = colors.shape[0] // scale, colors.shape[1] // scale
+    blocks = colors[: height * scale, : width * scale].reshape(height, scale, width, scale, 3)
     steepness = _steepness(blocks.mean(axis=(1, 3)), 1)
     basins = _flooded(steepness)
     order = np.lexsort((steepness.ravel(), basins.ravel()))
     lowest = order[np.flatnonzero(np.diff(basins.ravel()[order], prepend=-1))]
-    markers = np.zeros(colours.shape[:2], dtype=np.int32)
+    markers = np.zeros(colors.shape[:2], dtype=np.int32)
     y, x = np.divmod(lowest, width)
     markers[y * scale + scale // 2, x * scale + scale // 2] = np.arange(1, len(lowest) + 1)
     return markers
 
 
-def _borders(
+def _graph(
     basins: NDArray[np.int32],
-    colours: _Colours,
+    colors: _Colors,
     steepness: NDArray[np.float32],
     scale: int,
     least_step: float,
-) -> Borders:
-    """The borders of the basins, with the colour step across them beyond what the texture around explains, in
+) -> AdjacencyGraph:
+    """The adjacency graph of the basins, with the colour steps beyond what the texture around explains, in
     units of the least one."""
-    smooth = np.stack([gaussian(channel, scale) for channel in np.moveaxis(colours, 2, 0)], axis=2)
+    smooth = np.stack([gaussian(channel, scale) for channel in np.moveaxis(colors, 2, 0)], axis=2)
     around = box_mean(np.square(steepness, dtype=np.float64), _TEXTURE_WINDOW * scale | 1)
     texture = np.asarray(_TEXTURE_SHARE * around, np.float32)
     parts = [_cracks(basins, smooth, texture, scale)]
     parts.append(_cracks(basins.T, smooth.transpose(1, 0, 2), texture.T, scale))
     origin, target, step = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return borders_between(origin, target, step / least_step)
+    return adjacency_graph(origin, target, step / least_step)
 
 
 def _cracks(
-    basins: NDArray[np.int32], smooth: _Colours, texture: NDArray[np.float32], reach: int
+    basins: NDArray[np.int32], smooth: _Colors, texture: NDArray[np.float32], reach: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Every crack between a pixel and its right neighbour: the basins there, and the step `(n, 3)`, taken
     `reach` pixels further out on both sides, where an edge of a photo has reached its full height."""

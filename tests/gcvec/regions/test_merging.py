@@ -7,8 +7,8 @@ import pytest
 
 from gcvec.regions.components import SLIVER_AREA
 from gcvec.regions.merging import (
+    adjacency_graph,
     border_gains,
-    borders_between,
     merged,
     summed,
     weakest_of_smaller,
@@ -36,22 +36,20 @@ def test_borders_are_summed_by_pairs(seed: int) -> None:
 
 
 def test_gains_as_read_out_loud() -> None:
-    borders = borders_between(*cracks(200, 8, 2))
+    graph = adjacency_graph(*cracks(200, 8, 2))
     areas = np.array([5, 20, 20, 300, 1000, 12, 90, 4000])
-    smaller, gain = border_gains(
-        borders.first, borders.second, borders.length, borders.energy, borders.step, areas
-    )
-    for k in range(len(borders)):
-        a, b = borders.first[k], borders.second[k]
+    smaller, gain = border_gains(graph.first, graph.second, graph.length, graph.energy, graph.step, areas)
+    for k in range(len(graph)):
+        a, b = graph.first[k], graph.second[k]
         assert smaller[k] == (b if areas[b] < areas[a] else a)
-        mean = borders.step[k] / borders.length[k]
-        worth = (borders.energy[k] / borders.length[k] + (mean**2).mean()) / 2
+        mean = graph.step[k] / graph.length[k]
+        worth = (graph.energy[k] / graph.length[k] + (mean**2).mean()) / 2
         small = areas[smaller[k]]
         assert gain[k] == pytest.approx(worth - 1 - 100 / small - 1000 * (small < SLIVER_AREA))
-    chosen = weakest_of_smaller(borders.first, borders.second, smaller, gain, 8)
+    chosen = weakest_of_smaller(graph.first, graph.second, smaller, gain, 8)
     assert len(np.unique(smaller[chosen])) == len(chosen)
     for region in range(8):
-        own = np.flatnonzero((borders.first == region) | (borders.second == region))
+        own = np.flatnonzero((graph.first == region) | (graph.second == region))
         weakest = own[gain[own].argmin()]
         assert (weakest in chosen) == (smaller[weakest] == region or weakest in chosen)
         assert not any(smaller[k] == region for k in chosen if k != weakest)
@@ -61,16 +59,16 @@ def test_merging_ends_where_every_border_pays() -> None:
     """Three regions in a row: a faint border between the first two, a strong one to the third."""
     origin, target = np.repeat([0, 1], 30), np.repeat([1, 2], 30)
     step = np.repeat([[0.1] * 3, [3.0] * 3], 30, axis=0)
-    groups = merged(borders_between(origin, target, step), np.array([900, 900, 900]))
+    groups = merged(adjacency_graph(origin, target, step), np.array([900, 900, 900]))
     assert groups.tolist() == [0, 0, 1]
-    assert merged(borders_between(origin, target, step), np.array([900] * 3), 1).tolist() == [0, 0, 0]
-    assert merged(borders_between(origin, target, step), np.array([900] * 3), 3).tolist() == [0, 1, 2]
+    assert merged(adjacency_graph(origin, target, step), np.array([900] * 3), 1).tolist() == [0, 0, 0]
+    assert merged(adjacency_graph(origin, target, step), np.array([900] * 3), 3).tolist() == [0, 1, 2]
 
 
 def test_groups_with_too_much_to_hold_stay_apart() -> None:
     """Five regions in a row without any step between them; the last one is light enough for any group."""
     origin, target = np.repeat([0, 1, 2, 3], 30), np.repeat([1, 2, 3, 4], 30)
-    faint = borders_between(origin, target, np.full((120, 3), 0.01))
+    faint = adjacency_graph(origin, target, np.full((120, 3), 0.01))
     load = np.array([10.0, 10.0, 10.0, 10.0, 1.0])
     areas = np.array([900] * 5)
     assert merged(faint, areas).tolist() == [0] * 5
