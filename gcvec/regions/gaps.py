@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gcvec.disjoint_sets import united
 from gcvec.kernels import kernel
+from gcvec.regions.morphology import Mask, dilated, eroded
 
 UNCOVERED = -1
 
@@ -24,8 +25,6 @@ _TOUCHING = (
 )
 """Where pixels are, and those next to them: to the right, and the three below."""
 
-_Mask = NDArray[np.bool_]
-
 
 def close_gaps(owners: NDArray[np.int32]) -> None:
     """Give the pixels of thin gaps to their nearest owner, in place; `owners (h, w)`, -1 where uncovered.
@@ -42,7 +41,7 @@ def close_gaps(owners: NDArray[np.int32]) -> None:
     _take_nearest(owners, owners.copy(), np.ascontiguousarray(np.argwhere(gaps)), _offsets(_REACH))
 
 
-def _components(mask: _Mask) -> NDArray[np.int64]:
+def _components(mask: Mask) -> NDArray[np.int64]:
     """Number the components of a mask from 1, pixels that touch at a corner being connected; 0 outside."""
     number = np.cumsum(mask).reshape(mask.shape) - 1
     pairs = []
@@ -54,44 +53,19 @@ def _components(mask: _Mask) -> NDArray[np.int64]:
     return components
 
 
-def _eroded(mask: _Mask, rows: bool, columns: bool) -> _Mask:
-    """What keeps both neighbours along the named axes; beyond the frame there is nothing."""
-    kept = mask.copy()
-    if rows:
-        kept[1:] &= mask[:-1]
-        kept[:-1] &= mask[1:]
-        kept[0] = kept[-1] = False
-    if columns:
-        kept[:, 1:] &= mask[:, :-1]
-        kept[:, :-1] &= mask[:, 1:]
-        kept[:, 0] = kept[:, -1] = False
-    return kept
-
-
-def _dilated(mask: _Mask, rows: bool, columns: bool) -> _Mask:
-    grown = mask.copy()
-    if rows:
-        grown[1:] |= mask[:-1]
-        grown[:-1] |= mask[1:]
-    if columns:
-        grown[:, 1:] |= mask[:, :-1]
-        grown[:, :-1] |= mask[:, 1:]
-    return grown
-
-
-def _opened_by_diamond(mask: _Mask) -> _Mask:
+def _opened_by_diamond(mask: Mask) -> Mask:
     for _ in range(3):
-        mask = _eroded(mask, rows=True, columns=True)
+        mask = eroded(mask, rows=True, columns=True)
     for _ in range(3):
-        mask = _dilated(mask, rows=True, columns=True)
+        mask = dilated(mask, rows=True, columns=True)
     return mask
 
 
-def _opened_by_square(mask: _Mask) -> _Mask:
+def _opened_by_square(mask: Mask) -> Mask:
     for _ in range(2):
-        mask = _eroded(_eroded(mask, rows=True, columns=False), rows=False, columns=True)
+        mask = eroded(eroded(mask, rows=True, columns=False), rows=False, columns=True)
     for _ in range(2):
-        mask = _dilated(_dilated(mask, rows=True, columns=False), rows=False, columns=True)
+        mask = dilated(dilated(mask, rows=True, columns=False), rows=False, columns=True)
     return mask
 
 
@@ -107,7 +81,7 @@ def _offsets(reach: int) -> NDArray[np.int64]:
 
 
 @kernel
-def _is_gap(owners: NDArray[np.int32], components: NDArray[np.int64]) -> _Mask:
+def _is_gap(owners: NDArray[np.int32], components: NDArray[np.int64]) -> Mask:
     """Per thin component (0 is none): whether it touches two owners, or one and a stretch of the frame."""
     count = components.max() + 1
     owner = np.full(count, UNCOVERED, dtype=np.int32)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.kernels import kernel
+from gcvec.regions.morphology import dilated
 from gcvec.regions.watershed import flooded
 
 Floats = NDArray[np.float64]
@@ -18,24 +19,15 @@ TAPS = 3
 
 
 def snap_borders(labels: NDArray[np.int32], picture: Floats, band: float) -> NDArray[np.int32]:
-    """The label map `(h, w) int32` with every border moved by at most `band` pixels onto the image's edges.
+    """The label map `(h, w) int32` with every border moved onto the image's edges.
 
-    `picture` is `(h, w, 3)` in [0, 1]. Regions without a pixel outside the band keep the middle of theirs,
-    so none is lost.
+    Pixels whose centres are within `band` pixels of a border can change sides. `picture` is `(h, w, 3)` in
+    [0, 1]. Regions without a pixel outside the band keep the middle of theirs, so none is lost.
     """
     if band <= 0 or labels.min() == labels.max():
         return labels
     seeds = _seeds(labels, _offsets(band))
-    return flooded(_steepness(picture, _with_neighbours(seeds == 0), *_kernels()), seeds) - 1
-
-
-def _with_neighbours(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    grown = mask.copy()
-    grown[1:] |= mask[:-1]
-    grown[:-1] |= mask[1:]
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    return grown
+    return flooded(_steepness(picture, dilated(seeds == 0, rows=True, columns=True), *_kernels()), seeds) - 1
 
 
 def _offsets(band: float) -> NDArray[np.int64]:
