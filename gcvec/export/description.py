@@ -70,46 +70,52 @@ def _curves(image: VectorImage) -> list[dict[str, Any]]:
 
 
 def _patches(image: VectorImage) -> list[dict[str, Any]]:
-    samples = image.foundation.samples
-    first_edge = np.searchsorted(samples.edge_curve, np.arange(len(image.network.curves) + 1))
+    first_edge = np.searchsorted(
+        image.foundation.samples.edge_curve, np.arange(len(image.network.curves) + 1)
+    )
     owner = image.patch_of_points
-    domain = image.canvas.mesh.vertices[samples.domain.shape[0] :]
     patches = []
     for k, label in enumerate(image.labels):
-        loops: list[list[dict[str, Any]]] = []
-        polygons: list[list[list[float]]] = []
-        for loop in image.network.loops[k]:
-            spans, polygon = [], []
-            for c, forward in loop:
-                edges = np.arange(first_edge[c], first_edge[c + 1])[:: 1 if forward else -1]
-                for edge in edges:
-                    u0, u1 = samples.edge_u[edge][:: 1 if forward else -1]
-                    spans.append({"curve": c, "from": float(u0), "to": float(u1)})
-                    polygon.append(_rounded(samples.domain[samples.edge_ends[edge, 0 if forward else 1]]))
-            outer = _double_area(polygon) > 0
-            loops.insert(0 if outer else len(loops), spans)
-            polygons.insert(0 if outer else len(polygons), polygon)
-        at = np.flatnonzero(owner == k)
-        patch = {
-            "id": k,
-            "label": label,
-            "loops": loops,
-            "domain": polygons,
-            "points": [
-                {"domain": d, "image": p, "color": color}
-                for d, p, color in zip(
-                    _rounded(domain[at]),
-                    _rounded(image.canvas.places[at]),
-                    _rounded(image.point_colors[at]),
-                    strict=True,
-                )
-            ],
-        }
+        loops, polygons = _loops(image, k, first_edge)
+        points = _points(image, np.flatnonzero(owner == k))
+        patch = {"id": k, "label": label, "loops": loops, "domain": polygons, "points": points}
         if image.report:
             region = image.report.regions[k]
             patch["metrics"] = {"points": region.points, "iterations": region.iterations, "mse": region.mse}
         patches.append(patch)
     return patches
+
+
+def _loops(
+    image: VectorImage, patch: int, first_edge: NDArray[np.int64]
+) -> tuple[list[list[dict[str, Any]]], list[list[list[float]]]]:
+    """The stretches of curves that bound a patch, and the vertices of its parameter polygon where they begin:
+    loop by loop, the outer one first. `first_edge` `(c + 1,)` is where each curve's polygon edges begin."""
+    samples = image.foundation.samples
+    loops: list[list[dict[str, Any]]] = []
+    polygons: list[list[list[float]]] = []
+    for loop in image.network.loops[patch]:
+        spans, polygon = [], []
+        for c, forward in loop:
+            way = 1 if forward else -1
+            for edge in np.arange(first_edge[c], first_edge[c + 1])[::way]:
+                u0, u1 = samples.edge_u[edge][::way]
+                spans.append({"curve": c, "from": float(u0), "to": float(u1)})
+                polygon.append(_rounded(samples.domain[samples.edge_ends[edge, 0 if forward else 1]]))
+        outer = _double_area(polygon) > 0
+        loops.insert(0 if outer else len(loops), spans)
+        polygons.insert(0 if outer else len(polygons), polygon)
+    return loops, polygons
+
+
+def _points(image: VectorImage, which: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """Some of the interior control points."""
+    domain = image.canvas.mesh.vertices[image.canvas.mesh.n_samples :]
+    columns = (domain[which], image.canvas.places[which], image.point_colors[which])
+    return [
+        {"domain": place, "image": moved, "color": color}
+        for place, moved, color in zip(*map(_rounded, columns), strict=True)
+    ]
 
 
 def _double_area(polygon: list[list[float]]) -> float:
