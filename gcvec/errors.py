@@ -19,6 +19,10 @@ class InputError(ValueError):
         self.pointer = pointer
 
 
+class FailureError(Exception):
+    """A command has failed, and not for its input. The message names the cause in one line."""
+
+
 @contextmanager
 def pointing_at(part: str) -> Iterator[None]:
     """Let an `InputError` raised inside point at `part` of the input, unless it points at something."""

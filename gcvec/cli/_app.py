@@ -15,7 +15,7 @@ import click
 from click.exceptions import NoArgsIsHelpError
 
 import gcvec.cli
-from gcvec.errors import InputError
+from gcvec.errors import FailureError, InputError
 
 FAILURE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -110,13 +110,13 @@ def run(arguments: Sequence[str]) -> int:
         return _complain(error.format_message(), error.exit_code)
     except (KeyboardInterrupt, click.Abort):
         return INTERRUPTED
+    except FailureError as error:
+        return _complain(str(error), FAILURE)
     except OSError as error:
         return _complain(": ".join(filter(None, (_filename(error), error.strerror or str(error)))), FAILURE)
     except Exception as error:
         if _is_interrupt(error):
             return INTERRUPTED
-        if type(error) is RuntimeError:  # how a command says that it failed, and why
-            return _complain(str(error), FAILURE)
         if os.environ.get("GCVEC_TRACEBACK"):
             traceback.print_exc()
         cause = " ".join(str(error).split()) or "no message"

@@ -18,7 +18,7 @@ from urllib.error import URLError
 
 import click
 
-from gcvec.errors import InputError
+from gcvec.errors import FailureError, InputError
 from gcvec.parallel import cores
 from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
@@ -67,7 +67,7 @@ def serve(host: str, port: int, workers: int, data: Path) -> None:
             if processes == 1:  # nobody could help it
                 environment["GCVEC_FAN_OUT_MEGAPIXELS"] = os.environ.get("GCVEC_FAN_OUT_MEGAPIXELS", "0")
             if not wait_until_ready(broker.url, _READY_SECONDS):
-                raise RuntimeError("the private broker does not start")
+                raise FailureError("the private broker does not start")
         supervisor.start(*_commands(environment, listener, processes))
         _announce(supervisor, listener)
         while not supervisor.stopping:
@@ -143,4 +143,4 @@ def _announce(supervisor: Supervisor, listener: socket.socket) -> None:
         except (URLError, OSError):
             supervisor.look_after()
     if not supervisor.stopping:
-        raise RuntimeError("the API does not start")
+        raise FailureError("the API does not start")

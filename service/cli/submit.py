@@ -14,7 +14,7 @@ from httpx import URL, HTTPError, InvalidURL
 from gcvec.cli._files import check_files, warn, write
 from gcvec.cli._options import EXISTING_FILE, ignored_options, picture_argument, vectorization_options
 from gcvec.cli._progress import progress_bar
-from gcvec.errors import InputError
+from gcvec.errors import FailureError, InputError
 from service.client import Client, problem_error
 from worker.artifacts import EXPORTS, KINDS
 
@@ -45,7 +45,7 @@ def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
             raise InputError(f"{annotations}: {error}", code=error.code, pointer=pointer) from error
         raise InputError(f"{url}: {error}", code=error.code, pointer=error.pointer) from error
     except (HTTPError, RuntimeError) as error:
-        raise RuntimeError(f"{url}: {error}") from error
+        raise FailureError(f"{url}: {error}") from error
 
 
 @contextmanager

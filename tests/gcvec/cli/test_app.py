@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 
 import click
+import pytest
 
-from gcvec.cli._app import root
+from gcvec.cli._app import root, run
 from gcvec.cli._postponed import POSTPONED
 from tests.command import gcvec, refused
 
@@ -27,6 +28,19 @@ def test_help_lists_every_command() -> None:
 def test_no_command_is_bad_input_and_shows_the_help() -> None:
     run = gcvec()
     assert (run.returncode, run.stdout, run.stderr) == (2, gcvec("--help").stdout, "")
+
+
+def test_an_error_that_nobody_expected_is_one_line_that_says_how_to_see_more(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("dictionary changed\nsize")
+
+    monkeypatch.setattr("gcvec.io.read_picture", fail)
+    (tmp_path / "a.png").touch()
+    assert run(["vectorize", str(tmp_path / "a.png"), "-o", str(tmp_path / "a.gcv")]) == 1
+    told = "gcvec: failed: RuntimeError: dictionary changed size (GCVEC_TRACEBACK=1 shows where)\n"
+    assert capsys.readouterr() == ("", told)
 
 
 def test_every_parameter_is_explained() -> None:
