@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import click
+
+from gcvec.cli._app import root
 from worker.settings import Settings, listing
 
 ROOT = Path(__file__).parents[1]
@@ -20,6 +23,11 @@ def test_settings_table_is_the_settings_class() -> None:
         default = Settings.model_validate({name.lower(): shown}) if shown else Settings()
         assert getattr(default, name.lower()) == field.default, name
         assert shown or not field.default, name
+
+
+def test_every_command_is_in_the_table() -> None:
+    commands = root.list_commands(click.Context(root))
+    assert sorted(re.findall(r"^\| `gcvec (\w+)", README, re.MULTILINE)) == sorted(commands)
 
 
 def test_pictures_exist_and_are_small() -> None:
