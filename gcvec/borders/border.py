@@ -11,12 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.planar_graph import OUTSIDE, Arc, PlanarGraph
+from gcvec.borders.planar_graph import OUTSIDE, Arc, Loop, PlanarGraph
 
 Floats = NDArray[np.float64]
-
-Loop = tuple[tuple[int, bool], ...]
-"""A closed walk over borders, `(border, forward)`, with the region at the right hand."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +51,8 @@ class Border:
 
 @dataclass(frozen=True)
 class Borders:
-    """All borders of a picture. `loops[r]` bounds region r; `nodes` `(k, 2) float64` are junctions and
-    corners."""
+    """All borders of a picture. `loops[r]` bounds region r, a walk over borders as over arcs; `nodes`
+    `(k, 2) float64` are junctions and corners."""
 
     width: int
     height: int

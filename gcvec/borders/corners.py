@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.border import Border, Borders, Loop, with_nodes_in_order
+from gcvec.borders.border import Border, Borders, with_nodes_in_order
 from gcvec.borders.chains import Chains, chains_of
+from gcvec.borders.planar_graph import Loop
 from gcvec.borders.profile import step_shifts
 from gcvec.kernels import kernel
 

@@ -20,6 +20,9 @@ from gcvec.kernels import kernel
 
 OUTSIDE = -1
 
+Loop = tuple[tuple[int, bool], ...]
+"""A closed walk over arcs, `(arc, forward)`, with the region at the right hand."""
+
 # Steps along the lattice: east, south, west, north.
 _DX = np.array([1, 0, -1, 0])
 _DY = np.array([0, 1, 0, -1])
@@ -56,13 +59,13 @@ class Arc:
 class PlanarGraph:
     """`nodes` is `(k, 2) int32` lattice points; `loops[r]` the boundary of region r.
 
-    A loop is a tuple of `(arc, forward)`; walking it keeps the region at the right hand, so the outer loop
-    has positive area in image coordinates and holes have negative area.
+    Loops keep the region at the right hand, so the outer one has positive area in image coordinates and holes
+    have negative area.
     """
 
     nodes: NDArray[np.int32]
     arcs: tuple[Arc, ...]
-    loops: tuple[tuple[tuple[tuple[int, bool], ...], ...], ...]
+    loops: tuple[tuple[Loop, ...], ...]
 
 
 @kernel

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.border import Loop
-from gcvec.borders.planar_graph import OUTSIDE
+from gcvec.borders.planar_graph import OUTSIDE, Loop
 from gcvec.curves.network import Curve
 
 _Half = tuple[int, bool]

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.border import Border, Loop
-from gcvec.borders.planar_graph import OUTSIDE
+from gcvec.borders.border import Border
+from gcvec.borders.planar_graph import OUTSIDE, Loop
 from gcvec.curves import bspline
 from gcvec.curves.sampling import Sampling, sampling
 from gcvec.curves.spline_family import SplineFamily

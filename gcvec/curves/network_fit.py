@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.border import Border, Borders, Loop, between_nodes
+from gcvec.borders.border import Border, Borders, between_nodes
+from gcvec.borders.planar_graph import Loop
 from gcvec.curves.domain import FINEST_LEVEL, crossing_curves, with_levels, without_crossings
 from gcvec.curves.network import COARSEST_LEVEL, Network, fitted_curves
 from gcvec.quantization import Quantization
@@ -62,8 +63,10 @@ def fitted_network(traced: Borders, localized: Borders, grid: float = GRID) -> N
 class _Turns:
     """Which way round the loops of a picture run.
 
-    border (h,) and way (h,) are the borders of all loops, one loop after another, 1 forward and -1 backward;
-    `first` (l,) is where each loop begins, `area` (l,) twice the signed area inside it.
+    border  (h,) the borders of all loops, one loop after another
+    way     (h,) 1 where a loop follows the border forward, -1 where backward
+    first   (l,) where each loop begins
+    area    (l,) twice the signed area inside it
     """
 
     def __init__(self, loops: tuple[tuple[Loop, ...], ...], rows: list[Floats]) -> None:

@@ -62,8 +62,7 @@ def sampling(family: SplineFamily, control_points: Floats) -> Sampling:
     u = np.repeat(segment, pieces) + within / np.repeat(pieces, pieces)
     control, weight = family.basis(curve, u)
     parts = weight[:, :, None] * control_points[control]
-    points = (
-        parts[:, 0] + parts[:, 1] + parts[:, 2] + parts[:, 3]
-    )  # the order that the file's format asks for
+    # In the order that the file's format asks for.
+    points = parts[:, 0] + parts[:, 1] + parts[:, 2] + parts[:, 3]
     starts = np.searchsorted(curve, np.arange(len(ends) + 1))
     return Sampling(starts, curve, u, points, control, weight)

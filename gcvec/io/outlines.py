@@ -7,11 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.planar_graph import OUTSIDE, Arc, planar_graph
+from gcvec.borders.planar_graph import OUTSIDE, Arc, Loop, planar_graph
 from gcvec.io.straightening import straightened
-
-Loop = tuple[tuple[int, bool], ...]
-"""Arcs, by their number, and whether each is walked forward."""
 
 
 class Outline(NamedTuple):

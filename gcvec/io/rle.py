@@ -60,8 +60,8 @@ class ColumnRuns:
 
 
 def decode_compressed_counts(text: str) -> list[int]:
-    """COCO's compressed form: base-48 digits of 5 bits and a continuation bit, each run from the fourth on
-    stored as the difference to the one before the last.
+    """COCO's compressed form: digits of 5 bits and a continuation bit, the lowest first, each a character
+    from "0" on. Runs from the fourth on are stored as differences to the one before the last.
 
     Raises `ValueError` when the text ends within a number or holds a foreign character.
     """
