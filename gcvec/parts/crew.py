@@ -1,22 +1,18 @@
-"""The rounds of a picture whose parts are refined by a crew.
-
-Points go where they buy most if a further one saves the same in every part. A part with n points has an error
-of about E n^-k; E and k are known from how its error fell as it grew. So a further point saves k E n^-(k+1),
-and at one such price the errors of all parts add up to what the picture aims at. It tells the error that each
-part has to come to.
-"""
+"""The rounds of a picture whose parts are refined by a crew."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.parts.division import Part, divided, part_of
+from gcvec.parts.division import divided, part_of
+from gcvec.parts.goals import common_goals
 from gcvec.parts.messages import PartRequest, PartResult
+from gcvec.parts.shared import shared_pixels
 from gcvec.refinement.batch import exchanges
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.rounding import Rounding
@@ -24,7 +20,6 @@ from gcvec.refinement.scene import Scene, Start, Step, Terms
 from gcvec.refinement.state import LEAST_CHANGE
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 FIRST_GOAL = 1.5
 """The first round ends, in parts that come so far, with this many times the error that the picture aims at:
@@ -32,18 +27,6 @@ no part has then more points than it will need."""
 
 USUAL_ENERGY = 0.5
 """Of colours in a pixel."""
-
-USUAL_POWER = 1.0
-POWERS = 0.4, 2.0
-"""k, until a part has grown by the factor `TELLING`, and its bounds."""
-
-TELLING = 1.5
-
-RANGE = 20.0
-"""The common price lies within this factor's exponent of what the parts' prices are."""
-
-FARTHEST = 20.0
-"""No part is sent to an error that differs by more than this factor from the one it has."""
 
 SHARED_ERROR = 3.0
 """In pixels that parts share the mean error comes to about this many times that of the picture: it is larger
@@ -202,39 +185,6 @@ class _Rounds:
         return Start(points[order], colors, self._done, lack)
 
 
-@dataclass(frozen=True)
-class Shared:
-    """The pixels that several parts give to.
-
-    n       how many there are
-    excess  squared error there beyond what the parts have measured themselves
-    wanted  (k, 3) float32 for each part, what it is wanted to give to them
-    """
-
-    n: int
-    excess: float
-    wanted: tuple[NDArray[np.float32], ...]
-
-
-def shared_pixels(pixels: NDArray[np.uint8], parts: Sequence[Part], states: Sequence[PartResult]) -> Shared:
-    """What the photo `(h, w, 3)` lacks in shared pixels is wanted of all, by the shares that they cover."""
-    width = pixels.shape[1]
-    places = []
-    for part, state in zip(parts, states, strict=True):
-        row, column = np.divmod(state.shared, part.network.width)
-        places.append((row + part.origin[1]) * width + column + part.origin[0])
-    place, at = np.unique(np.concatenate(places), return_inverse=True)
-    rest = pixels.reshape(-1, 3)[place] / 255.0
-    np.subtract.at(rest, at, np.concatenate([state.given for state in states]))
-    cuts = np.cumsum([len(own) for own in places])[:-1]
-    wanted = [
-        state.given + state.cover[:, None] * rest[own].astype(np.float32)
-        for state, own in zip(states, np.split(at, cuts), strict=True)
-    ]
-    measured = sum(state.square_shared for state in states)
-    return Shared(len(place), float(np.sum(rest**2)) - measured, tuple(wanted))
-
-
 def _unborn(number: int, colors: Floats) -> PartResult:
     """A part before the first round."""
     return PartResult(
@@ -254,41 +204,3 @@ def _unborn(number: int, colors: Floats) -> PartResult:
         cover=np.zeros(0, np.float32),
         given=np.zeros((0, 3), np.float32),
     )
-
-
-def common_goals(states: Sequence[PartResult], aim: float) -> Floats:
-    """`(parts,)` the squared errors that these parts come to at one price, and that add up to `aim`, without
-    what their regions lack that are full.
-
-    Parts that no points help, or that have none, stay as they are.
-    """
-    square = np.array([state.square - state.lack for state in states])
-    n = np.array([len(state.points) for state in states])
-    moving = np.array([state.more for state in states]) & (n > 0) & (square > 0)
-    if not moving.any():
-        return square
-    power = np.array([_power(state.course) for state in states])
-    price = power * square / np.maximum(n, 1)
-
-    def at(common: float) -> Floats:
-        factor = (common / np.maximum(price, 1e-300)) ** (power / (power + 1))
-        return np.where(moving, square * np.clip(factor, 1 / FARTHEST, FARTHEST), square)
-
-    low = float(np.log(price[moving].min())) - RANGE
-    high = float(np.log(price[moving].max())) + RANGE
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (low, middle) if at(np.exp(middle)).sum() > aim else (middle, high)
-    return at(np.exp(low))
-
-
-def _power(course: Floats) -> float:
-    """k of a part with this course `(k, 2)`, as its last growth tells it."""
-    if not len(course):
-        return USUAL_POWER
-    n, square = np.log(np.maximum(course, 1e-300)).T
-    apart = np.flatnonzero(np.abs(n[-1] - n) >= np.log(TELLING))
-    if not len(apart):
-        return USUAL_POWER
-    begin = apart[-1]
-    return float(np.clip((square[begin] - square[-1]) / (n[-1] - n[begin]), *POWERS))
