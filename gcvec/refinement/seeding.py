@@ -34,6 +34,9 @@ SPARSE, DENSE = 0.01, 0.03
 LEAST_BEND = 0.4
 """Where |H| is less than this, in the same units, no point is needed for a long way."""
 
+LEAST_MSE = 1e-6
+"""For a smaller error there are no more points: whatever bends at all calls for all it may have."""
+
 MOST_POINTS = 0.2
 """Points a pixel, at most."""
 
@@ -79,7 +82,7 @@ def expected_points(picture: NDArray[np.floating], target_mse: float) -> Floats:
 def _bent(picture: NDArray[np.floating], target_mse: float) -> Floats:
     """|H|^(2/3), in units of the error wanted, as far as it calls for points `(h, w)`."""
     bend = np.sqrt(np.mean([_second_derivatives(picture[..., k]) for k in range(3)], axis=0))
-    bend *= 255 / np.sqrt(target_mse)
+    bend *= 255 / np.sqrt(max(target_mse, LEAST_MSE))
     return np.asarray(np.maximum(bend ** (2 / 3) - LEAST_BEND ** (2 / 3), 0.0), np.float64)
 
 

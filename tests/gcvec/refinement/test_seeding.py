@@ -52,3 +52,8 @@ def test_points_keep_out_of_blocked_pixels_and_within_the_bound_of_each_patch() 
     count = np.bincount(patch_at[bounded[:, 1], bounded[:, 0]], minlength=4)
     assert count.max() <= 60
     assert count.min() >= 10
+
+
+def test_no_error_is_too_small_to_aim_at() -> None:
+    picture = waves(24).astype(np.float32)
+    assert len(seeded(picture, 5e-324)) == len(seeded(picture, 1e-6)) > 0.15 * SIZE**2
