@@ -53,7 +53,7 @@ def _png(image: VectorImage, scale: float, raw: bool) -> bytes:
 
     width, height = image.width * scale, image.height * scale
     if width * height > MAX_PIXELS:
-        raise click.BadParameter(f"{width:.0f} x {height:.0f} pixels are too many", param_hint="'--scale'")
+        raise click.BadParameter(f"{width:.10g} x {height:.10g} pixels are too many", param_hint="'--scale'")
     return png(image.render(scale, raw=raw))
 
 

@@ -66,6 +66,12 @@ def test_render_refuses(folder: Path, tmp_path: Path, options: tuple[str, ...]) 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("vectorized")
+def test_a_huge_scale_makes_no_long_line(folder: Path, tmp_path: Path) -> None:
+    run = gcvec("render", folder / "photo.gcv", "-o", tmp_path / "a.png", "--scale", "1e300")
+    refused(run, "6.4e+301 x 4.8e+301 pixels are too many")
+
+
 def test_broken_vector_image(tmp_path: Path) -> None:
     broken = tmp_path / "a.gcv"
     for content in (b"", b"not a vector image", bytes(1000)):
