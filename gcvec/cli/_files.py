@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 STANDARD_STREAM = Path("-")
 """Stands for stdin among inputs and for stdout among outputs."""
 
+SHOWN = 32
+"""Characters of a file's name that are in the name of the one that is to replace it."""
+
 
 @contextmanager
 def about(path: Path) -> Iterator[None]:
@@ -127,7 +130,8 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+    prefix = f".{path.name[:SHOWN]}."  # not all of it: a name that is as long as can be leaves no room
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=prefix, delete=False) as file:
         try:
             file.write(data)
             file.close()

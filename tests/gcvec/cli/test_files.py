@@ -192,6 +192,12 @@ def test_a_vector_image_may_have_any_other_name(photo: Path, tmp_path: Path) -> 
         assert exit_code("vectorize", photo, "-o", tmp_path / name) == 0
 
 
+@pytest.mark.parametrize("name", ["n" * 255, "日" * 85])
+def test_a_name_may_be_as_long_as_the_folder_allows(photo: Path, tmp_path: Path, name: str) -> None:
+    assert gcvec("vectorize", photo, "-o", tmp_path / name) == 0
+    assert (tmp_path / name).read_bytes().startswith(b"GCV")
+
+
 def test_several_outputs_may_go_to_nowhere(photo: Path) -> None:
     assert exit_code("vectorize", photo, "-o", os.devnull, "--report", os.devnull) == 0
     assert Path(os.devnull).is_char_device()
