@@ -36,9 +36,9 @@ from gcvec.vector_image import VectorImage
 FULL = 0.95
 """A region with this share of the points it may have is taken as full: a few find no place."""
 
-ROUNDING = 0.1
-"""The paper's refinement looks at colours as they are before they are rounded to the file's steps, which adds
-at most this share of the target."""
+ROUNDING = 4 / 15
+"""The paper's refinement looks at colours as they are before they are rounded to the file's steps. That adds
+about a twelfth of a step squared at most, which `Quantization.for_error` makes this share of the target."""
 
 
 def vectorize(

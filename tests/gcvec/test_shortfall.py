@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from skimage import data
 
-from gcvec import Annotations, Options, Shape, VectorImage, vectorize
+from gcvec import Annotations, Options, Progress, Shape, VectorImage, vectorize
 from tests.gcvec.scenes import SCENES, noise
 
 SENTENCE = re.compile(r"the mean squared error stays at (\d+\.\d\d), above the target of ([\d.]+): (.+)")
@@ -97,3 +97,18 @@ def test_a_full_region_is_counted_even_if_it_is_the_better_one(sizes: dict[str, 
     assert faint.mse < 320 < image.report.mse < noisy.mse
     (warning,) = image.warnings
     assert warning.endswith("1 of 2 regions hold the 600 control points that max_points allows")
+
+
+def test_what_rounding_has_cost_is_not_laid_on_the_points() -> None:
+    reached: list[float] = []
+
+    def watch(progress: Progress) -> None:
+        if progress.phase == "refine" and progress.mse is not None:
+            reached.append(progress.mse)
+
+    options = Options(strategy="paper", target_mse=60, max_points=0, regions=1)
+    image = vectorize(faint_noise(16), None, options, on_progress=watch)
+    assert reached[-1] < 60
+    error, _, why = told(image)
+    assert error > 70
+    assert why == "rounding to the file's steps has cost the rest"
