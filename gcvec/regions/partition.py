@@ -42,9 +42,11 @@ def partition(annotations: Annotations, width: int, height: int) -> Partition:
     4-connected component is a region, except that slivers under 16 px² join the neighbour with the longest
     shared border. Shapes that end up without a pixel are named in `warnings`.
 
-    Raises `InputError` ("no-usable-polygon") when no shape covers a pixel, "broken-annotations" when a
-    coordinate is not finite.
+    Raises `InputError` ("no-usable-polygon") when no shape covers a pixel, "broken-annotations" for rings and
+    masks that are none (see `Shape`).
     """
+    for shape in annotations.shapes:
+        _require_outline(shape)
     shapes = sorted(annotations.shapes, key=lambda shape: shape.z_order)
     notes = _Notes(shapes)
     owners = _painted(shapes, width, height, notes)
@@ -65,6 +67,26 @@ def partition(annotations: Annotations, width: int, height: int) -> Partition:
         tuple(names[owner] for owner in _owner_of_region(labels, owners)),
         (*annotations.warnings, *notes.lines()),
     )
+
+
+def _require_outline(shape: Shape) -> None:
+    """Raise `InputError` for anything but rings `(n, 2)` of finite numbers, or a mask `(h, w) bool`."""
+    if shape.mask is not None:
+        if not _is_array(shape.mask, "b") or shape.mask.ndim != 2:
+            raise _broken("a mask must be an array (h, w) of bool", shape)
+    elif not all(_is_array(ring, "fiu") and ring.ndim == 2 and ring.shape[1] == 2 for ring in shape.rings):
+        raise _broken("a ring must be an array (n, 2) of numbers", shape)
+    elif not all(np.isfinite(ring).all() for ring in shape.rings):
+        raise _broken("a coordinate is not finite", shape)
+
+
+def _is_array(value: object, kinds: str) -> bool:
+    """Whether this is an array, of one of these kinds of numbers (as numpy calls them)."""
+    return isinstance(value, np.ndarray) and value.dtype.kind in kinds
+
+
+def _broken(why: str, shape: Shape) -> InputError:
+    return InputError(why, code="broken-annotations", pointer=shape.pointer or None)
 
 
 class _Notes:
@@ -127,8 +149,6 @@ def _paint(owners: NDArray[np.int32], shape: Shape, index: int) -> tuple[int, bo
     """Paint one shape; returns the number of pixels written and whether a ring crosses itself."""
     if shape.mask is not None:
         return _paint_mask(owners, shape.mask, shape.offset, index), False
-    if not all(np.isfinite(ring).all() for ring in shape.rings):
-        raise InputError("a coordinate is not finite", code="broken-annotations", pointer=shape.pointer)
     fills = [fill_ring(owners, ring, index) for ring in shape.rings]
     return sum(fill.pixels for fill in fills), any(fill.crosses_itself for fill in fills)
 

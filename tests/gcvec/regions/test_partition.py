@@ -187,6 +187,24 @@ def test_coordinates_must_be_finite(value: float) -> None:
     assert error.value.code == "broken-annotations"
 
 
+@pytest.mark.parametrize(
+    ("shape", "cause"),
+    [
+        (Shape("x", mask=np.eye(9, dtype=np.uint8), pointer="shape 7"), "a mask must be"),
+        (Shape("x", mask=np.ones(9, bool), pointer="shape 7"), "a mask must be"),
+        (Shape("x", rings=([[0, 0], [9, 0], [9, 9]],), pointer="shape 7"), "a ring must be"),
+        (Shape("x", rings=(np.zeros((3, 3)),), pointer="shape 7"), "a ring must be"),
+        (Shape("x", rings=(np.zeros((3, 2), complex),), pointer="shape 7"), "a ring must be"),
+    ],
+    ids=["mask-of-numbers", "mask-of-one-row", "list", "triples", "complex"],
+)
+def test_outlines_of_another_kind_are_refused(shape: Shape, cause: str) -> None:
+    """Numbers would be taken for places in the picture, and paint others than are meant."""
+    with pytest.raises(InputError, match=cause) as error:
+        partition(Annotations((box(0, 0, 9, 9), shape)), 60, 40)
+    assert (error.value.code, error.value.pointer) == ("broken-annotations", "shape 7")
+
+
 coordinates = st.floats(-20, 80, allow_nan=False)
 shapes = st.lists(
     st.builds(
