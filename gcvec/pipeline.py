@@ -59,6 +59,7 @@ def vectorize(
     options = options or Options()
     if annotations is not None:
         check_size(annotations, pixels.shape[1], pixels.shape[0])
+    pixels = np.ascontiguousarray(pixels)  # kernels are compiled anew for any other layout
     with workers(options.workers):
         return _vectorized(pixels, annotations, options, on_progress, crew)
 

@@ -8,7 +8,9 @@ from skimage import data
 
 from examples.scenes import vectorized_balls
 from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
+from gcvec.automatic_regions import automatic_regions
 from gcvec.progress import AFTER_RUNS, BEFORE_RUNS, GROWTH
+from gcvec.regions.partition import Partition
 from tests.gcvec.crews import Alone
 from tests.gcvec.scenes import SCENES, Scene, noise, vectorized, voronoi
 from tests.gcvec.soundness import assert_sound
@@ -159,6 +161,21 @@ def test_annotations_of_a_picture_of_another_size_are_refused() -> None:
     with pytest.raises(InputError, match="for a picture of 41 x 30 pixels") as refused:
         vectorize(noise(), Annotations((whole,), 41, 30))
     assert refused.value.code == "size-mismatch"
+
+
+def test_pixels_may_lie_in_any_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels see the usual one only: for any other each would be compiled anew, which takes minutes."""
+    usual: list[bool] = []
+
+    def watch(pixels: np.ndarray, options: Options) -> Partition:
+        usual.append(pixels.flags.c_contiguous)
+        return automatic_regions(pixels, options)
+
+    monkeypatch.setattr("gcvec.pipeline.automatic_regions", watch)
+    pixels = data.chelsea()[:24, :32]
+    files = [vectorize(p).to_bytes() for p in (pixels.copy(), np.asfortranarray(pixels), pixels)]
+    assert usual == [True, True, True]
+    assert files == files[:1] * 3
 
 
 def test_same_input_same_file() -> None:
