@@ -194,7 +194,7 @@ def test_a_vector_image_may_have_any_other_name(photo: Path, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("name", ["n" * 255, "日" * 85])
 def test_a_name_may_be_as_long_as_the_folder_allows(photo: Path, tmp_path: Path, name: str) -> None:
-    assert gcvec("vectorize", photo, "-o", tmp_path / name) == 0
+    assert exit_code("vectorize", photo, "-o", tmp_path / name) == 0
     assert (tmp_path / name).read_bytes().startswith(b"GCV")
 
 
