@@ -43,7 +43,7 @@ class Foundation:
     space: ColorSpace
     control_points: Floats
 
-    @cached_property
+    @property
     def bare_canvas(self) -> Canvas:
         """The canvas without control points: its mesh is the one that S is defined on."""
         geometry = self.geometry
