@@ -15,8 +15,8 @@ def select_image(names: Sequence[str], image_name: str | None, picture_name: str
     """Index of the image meant, among the `names` an annotation file holds.
 
     `image_name` is a demand: it must be found. `picture_name`, the picture's own file name, is a hint: when
-    it is not found the only image is taken. Both match exactly, else but for how accents
-    are encoded (macOS writes them apart from their letters), else by base name, else without ending.
+    it is not found the only image is taken. Both match exactly, else but for how accents are encoded (macOS
+    writes them apart from their letters), else by base name, else without ending.
 
     Raises `InputError` ("unknown-image") when there is none, or no way to choose.
     """

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gcvec.curves.network import Network
 from gcvec.kernels import kernel
+from gcvec.morphology import dilated_by_square
 from gcvec.patches.samples import BoundarySamples
 from gcvec.patches.triangulation import patch_triangulation
 
@@ -109,10 +110,10 @@ def free_points(sites: Floats, width: int, height: int, origin: tuple[int, int] 
     x = np.clip((sites[:, 0] // size).astype(np.int64), 0, columns - 1)
     y = np.clip((sites[:, 1] // size).astype(np.int64), 0, rows - 1)
     taken[y, x] = True
-    clear = [~_dilated(taken)]
+    clear = [~dilated_by_square(taken)]
     for _ in range(COARSEST_LEVEL):
         taken = np.asarray(taken.reshape(len(taken) // 2, 2, -1, 2).any(axis=(1, 3)))
-        clear.append(~_dilated(taken))
+        clear.append(~dilated_by_square(taken))
     found = []
     parent_clear = np.zeros((0, 0), bool)
     for level in range(COARSEST_LEVEL, -1, -1):
@@ -127,12 +128,6 @@ def free_points(sites: Floats, width: int, height: int, origin: tuple[int, int] 
         centre = np.stack([xs, ys], axis=1) * cell + cell // 2
         found.append(centre[(centre[:, 0] < width) & (centre[:, 1] < height)])
     return jitter(np.concatenate(found), origin)
-
-
-def _dilated(taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    grown = np.pad(taken, 1)
-    grown = grown[:-2] | grown[1:-1] | grown[2:]
-    return np.asarray(grown[:, :-2] | grown[:, 1:-1] | grown[:, 2:])
 
 
 def build_mesh(network: Network, samples: BoundarySamples, points: NDArray[np.int64]) -> Mesh:

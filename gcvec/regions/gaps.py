@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gcvec.disjoint_sets import united
 from gcvec.kernels import kernel
-from gcvec.regions.morphology import Mask, dilated, eroded
+from gcvec.morphology import Mask, dilated, dilated_by_square, eroded
 
 UNCOVERED = -1
 
@@ -65,7 +65,7 @@ def _opened_by_square(mask: Mask) -> Mask:
     for _ in range(2):
         mask = eroded(eroded(mask, rows=True, columns=False), rows=False, columns=True)
     for _ in range(2):
-        mask = dilated(dilated(mask, rows=True, columns=False), rows=False, columns=True)
+        mask = dilated_by_square(mask)
     return mask
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.kernels import kernel
-from gcvec.regions.morphology import dilated
+from gcvec.morphology import dilated
 from gcvec.regions.watershed import flooded
 
 Floats = NDArray[np.float64]

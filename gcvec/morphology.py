@@ -32,3 +32,8 @@ def dilated(mask: Mask, rows: bool, columns: bool) -> Mask:
         grown[:, 1:] |= mask[:, :-1]
         grown[:, :-1] |= mask[:, 1:]
     return grown
+
+
+def dilated_by_square(mask: Mask) -> Mask:
+    """What is in the mask, or has one of its eight neighbours in it."""
+    return dilated(dilated(mask, rows=True, columns=False), rows=False, columns=True)
