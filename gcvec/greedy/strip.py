@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.kernels import bare_kernel, kernel
-from gcvec.raster.coverage import POLYGONS, cells, cover_triangle, most_entries_of
+from gcvec.raster.covering import Scratch, cells, cover_triangle, most_entries_of, scratch_for
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,7 +65,7 @@ class Strip(NamedTuple):
     worst       (CANDIDATES,) scratch
     candidate   (CANDIDATES,) int64, scratch
     places      (3, 2) scratch
-    clipping    POLYGONS, scratch
+    covering    scratch
     photo       (h w, 3) all of it
     first_row   of the picture, where pixels begin
     rows        of the strip
@@ -100,7 +100,7 @@ class Strip(NamedTuple):
     worst: Floats
     candidate: Ints
     places: Floats
-    clipping: Floats
+    covering: Scratch
     photo: NDArray[np.float32]
     first_row: int
     rows: int
@@ -169,7 +169,7 @@ def roomy_strip(
         worst=np.empty(CANDIDATES),
         candidate=np.empty(CANDIDATES, np.int64),
         places=np.empty((3, 2)),
-        clipping=np.empty(POLYGONS),
+        covering=scratch_for(width),
         photo=photo,
         first_row=first_row,
         rows=last_row - first_row,
@@ -258,7 +258,7 @@ def cover(strip, t):
     first = strip.counts[ENTRIES]
     strip.first[t] = first
     strip.counts[ENTRIES] = cover_triangle(
-        strip.places, strip.width, 0, strip.rows, strip.pixel, strip.weights, first, strip.clipping
+        strip.places, strip.width, 0, strip.rows, strip.pixel, strip.weights, first, strip.covering
     )
     strip.last[t] = strip.counts[ENTRIES]
 

@@ -7,17 +7,16 @@ from numpy.typing import NDArray
 
 from gcvec.kernels import bare_kernel, kernel
 from gcvec.parallel import in_shares
-from gcvec.raster.coverage import POLYGONS, cells, cover_triangle
+from gcvec.raster.covering import cells, cover_triangle, scratch_for
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 @kernel
-def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row, picture):
+def _paint(vertices, triangles, colors, corner_color, width, first_row, last_row, picture, scratch):
     """Add the rows `first_row` to `last_row` of the picture, which is 0 there."""
     channels = colors.shape[1]
-    scratch = np.empty(POLYGONS)
     corners = np.empty((3, 2))
     pixel = np.empty(1024, np.int32)
     weights = np.empty((1024, 3))
@@ -44,8 +43,9 @@ def paint(
     `colors[corner_color]`."""
     colors = np.ascontiguousarray(colors)
     picture = np.zeros((height * width, colors.shape[1]))
+    mesh = vertices, triangles, colors, corner_color
     in_shares(
-        lambda first, last: _paint(vertices, triangles, colors, corner_color, width, first, last, picture),
+        lambda first, last: _paint(*mesh, width, first, last, picture, scratch_for(width)),
         height,
     )
     return picture.reshape(height, width, -1)
