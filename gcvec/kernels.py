@@ -39,10 +39,15 @@ def _kind(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         flags = value.flags
         layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
-        return value.dtype.str, value.ndim, layout, flags.writeable, flags.aligned
+        return _name(value.dtype), value.ndim, layout, flags.writeable, flags.aligned
     if isinstance(value, tuple):
         return type(value).__name__, *map(_kind, value)
     return _SCALARS.get(type(value)) or type(value).__name__
+
+
+@functools.cache
+def _name(dtype: np.dtype[Any]) -> str:
+    return dtype.str
 
 
 class Recorder(Protocol):

@@ -289,11 +289,11 @@ class Placement:
     def result(self) -> tuple[Ints, Floats, NDArray[np.bool_]]:
         """Control points `(n, 2)` as pixels of the domain, their colours, and which ones are new; by rows."""
         held = [np.flatnonzero(strip.seat[: strip.counts[VERTICES]] >= 0) for strip in self.strips]
-        seat = np.concatenate([strip.seat[own] for strip, own in zip(self.strips, held, strict=True)])
+        seats = [strip.seat[own] for strip, own in zip(self.strips, held, strict=True)]
         color = np.concatenate([strip.color[own] for strip, own in zip(self.strips, held, strict=True)])
         new = np.concatenate([own >= first for own, first in zip(held, self._first_new, strict=True)])
         # Those along the cuts are in several strips.
-        seat, one = np.unique(seat, return_index=True)
+        seat, one = np.unique(np.concatenate(seats).astype(np.int64), return_index=True)
         return np.stack([seat % self._seats.width, seat // self._seats.width], axis=1), color[one], new[one]
 
     def _queues(self) -> tuple[list[Queue], Full]:

@@ -30,13 +30,13 @@ class Queue(NamedTuple):
 
     triangle  (q,) int64
     gain      (q,) squared error that the best point inside would save
-    patch     (q,) int64
+    patch     (q,) int32
     rank      (q,) int64, how many of the same patch, in any strip, save more
     """
 
     triangle: Ints
     gain: Floats
-    patch: Ints
+    patch: NDArray[np.int32]
     rank: Ints
 
     def where(self, chosen: NDArray[np.bool_]) -> Queue:

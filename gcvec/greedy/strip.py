@@ -17,7 +17,8 @@ from gcvec.raster.covering import Scratch, cells, cover_triangle, most_entries_o
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Number = TypeVar("Number", np.float64, np.int64)
+Ints32 = NDArray[np.int32]
+Number = TypeVar("Number", np.float64, np.int32)
 
 CANDIDATES = 8
 """Pixels of a triangle, the worst ones, that are tried as control points."""
@@ -41,20 +42,20 @@ class Strip(NamedTuple):
     domain      (v, 2) vertices in the parameter domain
     image       (v, 2) where S takes them
     color       (v, 3)
-    seat        (v,) int64, the pixel of a control point in the domain, -1 for other vertices
+    seat        (v,) int32, the pixel of a control point in the domain, -1 for other vertices
     whole       (v,) bool, control points all of whose triangles are here
     restless    (v,) bool, vertices about which something has changed since they adapted
-    at_vertex   (v,) int64, a triangle of each vertex
-    triangles   (t, 3) int64, of positive area; first corner -1 when unused
-    neighbors   (t, 3) int64, across the edge from corner k to k + 1; -1: frozen
-    patch       (t,) int64
+    at_vertex   (v,) int32, a triangle of each vertex
+    triangles   (t, 3) int32, of positive area; first corner -1 when unused
+    neighbors   (t, 3) int32, across the edge from corner k to k + 1; -1: frozen
+    patch       (t,) int32
     stale       (t,) bool, triangles whose gain is not known
     gain        (t,) squared error that the best point inside would save
-    best        (t,) int64, the pixel where it would be
-    first       (t,) int64, first entry of a triangle
-    last        (t,) int64, the one after its last
-    spare       (t,) int64, stack of unused triangles
-    mark        (t,) int64, stamps
+    best        (t,) int32, the pixel where it would be
+    first       (t,) int32, first entry of a triangle
+    last        (t,) int32, the one after its last
+    spare       (t,) int32, stack of unused triangles
+    mark        (t,) int32, stamps
     pixel       (e,) int32, of an entry
     weights     (e, 3) float32, what the corners give to it: they add up to the area covered
     residual    (p, 3) float32, photo less picture, in the rows of the strip
@@ -76,21 +77,21 @@ class Strip(NamedTuple):
     domain: Floats
     image: Floats
     color: Floats
-    seat: Ints
+    seat: Ints32
     whole: NDArray[np.bool_]
     restless: NDArray[np.bool_]
-    at_vertex: Ints
-    triangles: Ints
-    neighbors: Ints
-    patch: Ints
+    at_vertex: Ints32
+    triangles: Ints32
+    neighbors: Ints32
+    patch: Ints32
     stale: NDArray[np.bool_]
     gain: Floats
-    best: Ints
-    first: Ints
-    last: Ints
-    spare: Ints
-    mark: Ints
-    pixel: NDArray[np.int32]
+    best: Ints32
+    first: Ints32
+    last: Ints32
+    spare: Ints32
+    mark: Ints32
+    pixel: Ints32
     weights: NDArray[np.float32]
     residual: NDArray[np.float32]
     corners: Ints
@@ -145,20 +146,20 @@ def roomy_strip(
         domain=roomy(domain, v),
         image=roomy(image, v),
         color=roomy(color, v),
-        seat=roomy(seat, v),
+        seat=roomy(seat.astype(np.int32), v),
         whole=np.zeros(v, bool),
         restless=np.zeros(v, bool),
-        at_vertex=np.empty(v, np.int64),
-        triangles=roomy(triangles, t),
-        neighbors=np.empty((t, 3), np.int64),
-        patch=roomy(patch, t),
+        at_vertex=np.empty(v, np.int32),
+        triangles=roomy(triangles.astype(np.int32), t),
+        neighbors=np.empty((t, 3), np.int32),
+        patch=roomy(patch.astype(np.int32), t),
         stale=np.ones(t, bool),
         gain=np.empty(t),
-        best=np.empty(t, np.int64),
-        first=np.empty(t, np.int64),
-        last=np.empty(t, np.int64),
-        spare=np.empty(t, np.int64),
-        mark=np.zeros(t, np.int64),
+        best=np.empty(t, np.int32),
+        first=np.empty(t, np.int32),
+        last=np.empty(t, np.int32),
+        spare=np.empty(t, np.int32),
+        mark=np.zeros(t, np.int32),
         pixel=np.empty(e, np.int32),
         weights=np.empty((e, 3), np.float32),
         residual=residual[own].copy(),

@@ -108,7 +108,7 @@ class Canvas:
 
     def patch_of_points(self) -> Ints:
         """`(n,)` patch of every interior control point."""
-        return self.mesh.patch_of_vertices()[self.mesh.n_samples : self.mesh.first_free]
+        return self.mesh.patch_of_vertices[self.mesh.n_samples : self.mesh.first_free]
 
     def foldovers(self) -> Ints:
         """Triangles of the mesh that S turns over."""

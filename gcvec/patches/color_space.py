@@ -71,7 +71,7 @@ class ColorSpace:
         columns[:n_points], values[:n_points] = self.size + np.arange(n_points), 1
         _mix_free(
             *((part.indptr, part.indices, part.data) for part in parts),
-            mesh.patch_of_vertices()[mesh.first_free :],
+            mesh.patch_of_vertices[mesh.first_free :],
             left[owner],
             self.of_control,
             self.size,

@@ -8,6 +8,7 @@ is a lot of room.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,7 @@ class Mesh:
     def first_free(self) -> int:
         return self.n_samples + self.n_points
 
+    @cached_property
     def patch_of_vertices(self) -> Ints:
         """`(v,)` the patch of every interior vertex; of boundary samples, one of those beside them."""
         patch = np.zeros(len(self.vertices), np.int64)

@@ -15,6 +15,7 @@ from gcvec.raster.covering import cover_triangle, most_entries, scratch_for
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+
 @bare_kernel
 def _coverage(
     vertices, triangles, width, height, first, last, count, start, end, pixel, weights, corners, scratch
@@ -35,9 +36,9 @@ def _lies_elsewhere(pixel, start, end, first_pixel, last_pixel):
 
 
 @kernel
-def _rows(start, end, pixel, weights, corner_color, first_pixel, last_pixel):
+def _rows(start, end, pixel, weights, corner_color, n_colors, first_pixel, last_pixel):
     """Compressed rows, one for each pixel of a range, of the weights of colours, those of one colour added
-    up."""
+    up (Gustavson 1978)."""
     n_pixels = last_pixel - first_pixel
     first = np.zeros(n_pixels + 1, np.int64)
     for t in range(len(start)):
@@ -63,19 +64,17 @@ def _rows(start, end, pixel, weights, corner_color, first_pixel, last_pixel):
     row_start = np.zeros(n_pixels + 1, np.int64)
     columns = np.empty(3 * len(by_pixel), np.int32)
     values = np.empty(3 * len(by_pixel), weights.dtype)
+    # Where the last weight of each colour is.
+    place = np.full(n_colors, -1, np.int32)
     n = 0
     for p in range(n_pixels):
         for i in range(first[p], first[p + 1]):
             for k in range(3):
                 color = corner_color[owner[i], k]
-                j = row_start[p]
-                while j < n and columns[j] != color:
-                    j += 1
-                if j == n:
-                    columns[n] = color
-                    values[n] = 0.0
+                if place[color] < row_start[p]:
+                    place[color], columns[n], values[n] = n, color, 0.0
                     n += 1
-                values[j] += weights[by_pixel[i], k]
+                values[place[color]] += weights[by_pixel[i], k]
         row_start[p + 1] = n
     return row_start, columns[:n], values[:n]
 
@@ -122,7 +121,7 @@ class Coverage:
         n_pixels = self.width * self.height
         shares = in_shares(
             lambda first, last: _rows(
-                self.start, self.end, self.pixel, self.weights, corner_color, first, last
+                self.start, self.end, self.pixel, self.weights, corner_color, n_colors, first, last
             ),
             n_pixels,
         )

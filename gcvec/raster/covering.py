@@ -1,9 +1,9 @@
 """Which pixels a triangle covers, how far, and with which corners: the exact box filter.
 
 A pixel's value is the integral of the picture over the pixel's square. Over the part of a triangle inside the
-pixel, a linear function integrates to what the part's area and its first moments say; by Green's theorem these
-are integrals along the outline of the triangle alone. This is the one place that takes colours at vertices to
-pixels: fit, error and rendering all go through it.
+pixel, a linear function integrates to what the part's area and its first moments say; by Green's theorem
+these are integrals along the outline of the triangle alone. This is the one place that takes colours at
+vertices to pixels: fit, error and rendering all go through it.
 """
 
 from __future__ import annotations
@@ -128,8 +128,8 @@ def cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch):
     """Append this triangle's `(pixel, weight of each corner)` entries in the rows from `top` to `bottom`;
     returns the new count.
 
-    Pixels come in ascending order. The weights of one entry add up to the area of the triangle inside the
-    pixel. Row by row, and along it from left to right: to the left of an edge as much of a pixel is covered as
+    Pixels come in ascending order: row by row, and along it from left to right. The weights of one entry add
+    up to the area of the triangle inside the pixel. To the left of an edge as much of a pixel is covered as
     the edge crosses of its height.
     """
     x0, y0 = corners[0, 0], corners[0, 1]
