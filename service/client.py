@@ -14,7 +14,7 @@ from typing import Any, Final, TypeVar
 
 import httpx
 
-from gcvec.errors import InputError
+from gcvec.errors import FailureError, InputError
 from gcvec.progress import OnProgress, Progress
 from worker.fields import known_fields
 
@@ -26,7 +26,7 @@ _LONGEST_PAUSE_SECONDS: Final = 60.0
 _BUSY: Final = (HTTPStatus.CONFLICT, HTTPStatus.TOO_MANY_REQUESTS)
 
 
-class BusyError(RuntimeError):
+class BusyError(FailureError):
     """The service cannot answer now, but says that it may in a while: after `seconds`."""
 
     def __init__(self, message: str, seconds: float) -> None:
@@ -37,7 +37,7 @@ class BusyError(RuntimeError):
 class Client:
     """Submits pictures, follows jobs and fetches their files.
 
-    Raises InputError for what the service refuses, RuntimeError for what goes wrong on its side, and
+    Raises InputError for what the service refuses, FailureError for what goes wrong on its side, and
     httpx.TransportError where it cannot be reached.
     """
 
@@ -142,7 +142,7 @@ def _pause(answer: httpx.Response) -> float:
 
 
 def _content(answer: httpx.Response) -> dict[str, Any]:
-    """The JSON of an answer. Raises InputError or RuntimeError for a problem document, or what is no JSON."""
+    """The JSON of an answer. Raises InputError or FailureError for a problem document, or what is no JSON."""
     if answer.is_error:
         raise _refusal(answer)
     try:
@@ -152,7 +152,7 @@ def _content(answer: httpx.Response) -> dict[str, Any]:
     return content
 
 
-def _refusal(answer: httpx.Response) -> InputError | RuntimeError:
+def _refusal(answer: httpx.Response) -> InputError | FailureError:
     """What an answer means that is an error."""
     if answer.headers.get("content-type", "").startswith("application/problem+json"):
         with suppress(ValueError):
@@ -160,16 +160,16 @@ def _refusal(answer: httpx.Response) -> InputError | RuntimeError:
     return _stranger(answer)
 
 
-def _stranger(answer: httpx.Response) -> InputError | RuntimeError:
+def _stranger(answer: httpx.Response) -> InputError | FailureError:
     """What an answer means that is not the service's own: another program's, or a proxy's."""
     if answer.is_server_error:
-        return RuntimeError(f"the service cannot be reached (HTTP {answer.status_code})")
+        return FailureError(f"the service cannot be reached (HTTP {answer.status_code})")
     return InputError(f"no gcvec service answers there (HTTP {answer.status_code})", code="no-service")
 
 
-def problem_error(problem: Mapping[str, Any]) -> InputError | RuntimeError:
+def problem_error(problem: Mapping[str, Any]) -> InputError | FailureError:
     """What a problem document means to a caller: input at fault, or the service."""
     if problem["status"] >= 500:
-        return RuntimeError(problem["detail"])
+        return FailureError(problem["detail"])
     code = str(problem.get("type", "refused")).rpartition(":")[2]
     return InputError(problem["detail"], code=code, pointer=problem.get("pointer"))

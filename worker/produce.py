@@ -93,5 +93,6 @@ def threads(request: Mapping[str, Any], settings: Settings) -> int:
 
 
 def _totals(report: Report) -> dict[str, float]:
-    seconds = {f"seconds:{stage}": value for stage, value in report.seconds.items()}
+    """What the service counts of a job: its points, and the time of each stage, not of all together."""
+    seconds = {f"seconds:{stage}": value for stage, value in report.seconds.items() if stage != "total"}
     return {"points": report.points, **seconds}

@@ -7,7 +7,15 @@ from pathlib import Path
 
 import click
 
-from gcvec.cli._files import about, check_files, load_picture, load_vector_image, read
+from gcvec.cli._files import (
+    STANDARD_STREAM,
+    about,
+    check_files,
+    load_picture,
+    load_vector_image,
+    read,
+    write,
+)
 from gcvec.cli._options import INPUT_FILE, matte_option, picture_or_stdin_argument
 
 MEASURES = ("mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes", "foldovers")
@@ -29,8 +37,9 @@ def compare(image: Path, vector_image: Path, as_json: bool, matte: str) -> None:
     with about(vector_image):
         measured = compare(picture.pixels, vector, len(data)).as_dict()
     measures = {name: measured[name] for name in MEASURES}
-    if as_json:
-        print(json.dumps(measures))
-        return
-    for name, value in measures.items():
-        print(f"{name:<10}{value:>12.4f}" if isinstance(value, float) else f"{name:<10}{value:>12}")
+    lines = [
+        f"{name:<10}{value:>12.4f}" if isinstance(value, float) else f"{name:<10}{value:>12}"
+        for name, value in measures.items()
+    ]
+    told = json.dumps(measures) if as_json else "\n".join(lines)
+    write(STANDARD_STREAM, f"{told}\n".encode())

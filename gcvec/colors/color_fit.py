@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -30,9 +30,14 @@ class ColorFit:
         """Squared sum over the pixels of what each colour on the mesh gives to them."""
         return energies(self.design)
 
+    @classmethod
+    def to(cls, operator: sparse.csr_array, design: sparse.csr_array, truth: NDArray[np.float32]) -> ColorFit:
+        """The fit of B R x to pixels `(pixels, 3)`."""
+        return cls(operator, design, operator.T @ from_pixels(design, truth))
+
     def of(self, truth: NDArray[np.float32]) -> ColorFit:
         """The same fit to other pixels `(pixels, 3)`."""
-        return replace(self, target=self.operator.T @ from_pixels(self.design, truth))
+        return ColorFit.to(self.operator, self.design, truth)
 
     def equations(self, prior: Floats, pull: Floats) -> NormalEquations:
         """Normal equations with every unknown pulled towards `prior` `(n, 3)` with weight `pull` `(n,)`."""
@@ -47,4 +52,4 @@ def color_fit(canvas: Canvas, coverage: Coverage, truth: NDArray[np.float32]) ->
     """The fit of a canvas, whose drawing covers the pixels so, to the pixels `truth` `(pixels, 3)`."""
     _, operator, corner_color = canvas.unit
     design = coverage.matrix(corner_color, operator.shape[0])
-    return ColorFit(operator, design, operator.T @ from_pixels(design, truth))
+    return ColorFit.to(operator, design, truth)

@@ -44,7 +44,7 @@ def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
             pointer = None if place.startswith("/") else place
             raise InputError(f"{annotations}: {error}", code=error.code, pointer=pointer) from error
         raise InputError(f"{url}: {error}", code=error.code, pointer=error.pointer) from error
-    except (HTTPError, RuntimeError) as error:
+    except (HTTPError, FailureError) as error:
         raise FailureError(f"{url}: {error}") from error
 
 

@@ -22,3 +22,10 @@ def test_an_option_that_cannot_be_met_is_pointed_at() -> None:
     with pytest.raises(InputError) as caught:
         produced(target_bytes=10)
     assert caught.value.pointer == "/options/target_bytes"
+
+
+def test_stages_are_counted_and_not_their_sum_again() -> None:
+    totals = produced().totals
+    stages = {name for name in totals if name.startswith("seconds:")}
+    assert {"seconds:regions", "seconds:encode"} <= stages
+    assert "seconds:total" not in stages

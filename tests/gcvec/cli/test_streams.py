@@ -89,6 +89,7 @@ def test_a_closed_stderr_is_no_failure_and_stays_out_of_stdout(folder: Path) -> 
     ("line", "cause"),
     [
         ("gcvec vectorize photo.png -o - >&-", b"stdout is closed"),
+        ("gcvec compare photo.png photo.gcv >&-", b"stdout is closed"),
         ("gcvec vectorize - -o a.gcv <&-", b"stdin is closed"),
     ],
 )
