@@ -16,7 +16,7 @@ from service.idempotency import Idempotency
 from service.jobs.repository import Changes, JobRepository
 from service.questions import Questions
 from worker import logs
-from worker.records import Job
+from worker.job import Job
 from worker.settings import Settings
 
 

@@ -27,8 +27,9 @@ from service.broker import private_broker, wait_until_ready
 from tests.event_stream import events_of
 from tests.waiting import within
 from worker.app import QUEUES
+from worker.job import Job
 from worker.process import die_with
-from worker.records import Job, JobRecords, connect
+from worker.records import JobRecords, connect
 from worker.storage import Manifest, open_store, read_manifest
 
 LONG = {"strategy": "paper", "target_mse": 0.01, "max_points": 400}

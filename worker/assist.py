@@ -17,8 +17,9 @@ from worker import logs, storage
 from worker.app import ASSIST, JOBS_QUEUE, app
 from worker.attempt import RENEW_SECONDS
 from worker.claims import NOTHING, claim_part, end_part, renew_part
+from worker.job import Job
 from worker.keeper import Keeper, StopError
-from worker.records import Job, JobRecords
+from worker.records import JobRecords
 from worker.workshop import Workshop, workshop
 
 logger = logging.getLogger(__name__)

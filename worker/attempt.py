@@ -19,7 +19,8 @@ from gcvec.progress import Progress
 from worker import logs
 from worker.keeper import Keeper
 from worker.problems import problem
-from worker.records import EVENTS_KEPT, Call, JobRecords, finish, report
+from worker.records import JobRecords
+from worker.steps import EVENTS_KEPT, Call, finish, report
 
 logger = logging.getLogger(__name__)
 

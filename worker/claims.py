@@ -13,7 +13,7 @@ from typing import Final
 
 import redis
 
-from worker.records import LEASE_SECONDS, Call, record_key
+from worker.steps import LEASE_SECONDS, Call, record_key
 
 NOTHING: Final = -1
 """No part is to be claimed."""

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from worker import logs
 from worker.app import DELIVER, app
-from worker.records import Job
+from worker.job import Job
 from worker.webhooks import (
     DELIVERIES,
     UnsafeTargetError,

@@ -25,7 +25,7 @@ from worker import storage
 from worker.app import ASSIST, JOBS_QUEUE, app
 from worker.attempt import Attempt
 from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key
-from worker.records import Job
+from worker.job import Job
 from worker.workshop import Workshop
 
 logger = logging.getLogger(__name__)

@@ -13,7 +13,7 @@ import redis
 
 from worker.fields import known_fields
 from worker.problems import Problem
-from worker.records import CHANGES
+from worker.steps import CHANGES
 
 PENDING: Final = ""
 PENDING_SECONDS: Final = 120

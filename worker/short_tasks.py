@@ -19,7 +19,7 @@ from worker.artifacts import EXPORTS, KINDS
 from worker.orphans import may_judge, remove_orphans
 from worker.problems import input_problem, problem
 from worker.questions import Answer, give, question_key
-from worker.records import NOT_AWAITED, grow, retire, revise
+from worker.steps import NOT_AWAITED, grow, retire, revise
 from worker.storage import Manifest
 from worker.workshop import Workshop, workshop
 

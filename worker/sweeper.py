@@ -14,18 +14,9 @@ import redis
 
 from worker import logs
 from worker.app import DELIVER, HOOKS_QUEUE, JOBS_QUEUE, REMOVE, SHORT_QUEUE, TIDY, VECTORIZE, app
-from worker.records import (
-    ACTIVE,
-    EXPIRY,
-    LEASE_SECONDS,
-    JobRecords,
-    connect,
-    events_key,
-    lease_key,
-    record_key,
-    requeue,
-)
+from worker.records import JobRecords, connect
 from worker.settings import get_settings
+from worker.steps import ACTIVE, EXPIRY, LEASE_SECONDS, events_key, lease_key, record_key, requeue
 from worker.webhooks import DELIVERIES, tries_key
 
 logger = logging.getLogger(__name__)

@@ -14,9 +14,10 @@ from worker import logs, storage
 from worker.app import VECTORIZE, app
 from worker.artifacts import KINDS
 from worker.attempt import Attempt
+from worker.job import Job
 from worker.keeper import StopError
 from worker.problems import Problem, input_problem, problem
-from worker.records import Job, claim, finish
+from worker.steps import claim, finish
 from worker.storage import Manifest, StoredFile
 from worker.workshop import Workshop, workshop
 

@@ -1,6 +1,6 @@
 """Tells the address that a job names how the job fares, after the Standard Webhooks specification.
 
-What is to be told is written to Redis by the same atomic step that changes the job (`worker.records`), so
+What is to be told is written to Redis by the same atomic step that changes the job (`worker.steps`), so
 nothing is forgotten; it may be told twice, under the same id.
 
     gcvec:deliveries      "ID STATUS" by the time at which it is to be told
@@ -22,7 +22,8 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from worker.records import Call, Job
+from worker.job import Job
+from worker.steps import Call
 
 DELIVERIES: Final = "gcvec:deliveries"
 SECRET_PREFIX: Final = "whsec_"

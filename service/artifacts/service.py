@@ -13,7 +13,7 @@ from service.errors import ProblemError
 from service.quota import require_room
 from worker import storage
 from worker.app import EXPORT
-from worker.records import Job
+from worker.job import Job
 from worker.storage import Manifest, StoredFile
 
 _EXPORT_SECONDS = 25.0

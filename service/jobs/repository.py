@@ -19,18 +19,9 @@ from redis.exceptions import RedisError
 
 from worker import logs
 from worker.app import QUEUES
+from worker.job import Job
 from worker.orphans import FOREIGN_STORE
-from worker.records import (
-    ACTIVE,
-    CHANGES,
-    STORED,
-    TOTALS,
-    Call,
-    Job,
-    events_key,
-    owner_key,
-    record_key,
-)
+from worker.steps import ACTIVE, CHANGES, STORED, TOTALS, Call, events_key, owner_key, record_key
 
 logger = logging.getLogger(__name__)
 
@@ -83,7 +74,7 @@ class JobRepository:
         self._client: Any = client
 
     async def run(self, call: Call) -> int:
-        """Run one of the steps of `worker.records`."""
+        """Run one of the steps of `worker.steps`."""
         return int(await self._client.register_script(call.script)(keys=call.keys, args=call.args))
 
     async def find(self, job_id: str) -> tuple[str | None, Job | None]:

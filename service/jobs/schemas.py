@@ -11,7 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstr
 from gcvec.options import Options
 from service.errors import ProblemView
 from worker.artifacts import EXPORTS, KINDS
-from worker.records import Job, Status
+from worker.job import Job, Status
 from worker.webhooks import SECRET_PREFIX
 
 EventName = Literal["job.started", "job.succeeded", "job.failed", "job.canceled"]

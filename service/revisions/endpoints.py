@@ -13,7 +13,7 @@ from service.idempotency import IdempotencyKey
 from service.quota import require_room
 from service.revisions.schemas import Edits, RevisionView
 from worker.app import EDIT
-from worker.records import Job
+from worker.job import Job
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["edits"])
 

@@ -17,8 +17,9 @@ from tests.fleet import SHORT, Api, Fleet, Process, picture
 from tests.waiting import within
 from worker.app import ASSIST, JOBS_QUEUE, PARTS_QUEUE, VECTORIZE, create_celery
 from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key, renew_part
-from worker.records import Job, claim, create
+from worker.job import Job
 from worker.settings import Settings
+from worker.steps import claim, create
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]
 

@@ -12,7 +12,7 @@ import pytest
 from tests.fleet import ENDLESS, LONG, ON_EVERY_SERVER, SHORT, Fleet
 from tests.waiting import within
 from worker import storage
-from worker.records import claim, lease_key
+from worker.steps import claim, lease_key
 from worker.storage import Manifest
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]

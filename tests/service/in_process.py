@@ -18,8 +18,9 @@ from tests.broker import client_of
 from tests.uploads import png
 from worker import storage
 from worker.artifacts import KINDS
-from worker.records import JobRecords, claim, finish
+from worker.records import JobRecords
 from worker.settings import Settings
+from worker.steps import claim, finish
 from worker.storage import Manifest
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.service.in_process import Jobs
 from worker.artifacts import KINDS
-from worker.records import claim, finish
+from worker.steps import claim, finish
 
 CONTENT = b"0123456789"
 

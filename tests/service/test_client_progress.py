@@ -11,7 +11,7 @@ import pytest
 from tests.browser import Browser, Page, failing
 from tests.service.in_process import Jobs
 from worker.problems import problem
-from worker.records import claim, finish, report
+from worker.steps import claim, finish, report
 
 pytestmark = [pytest.mark.browser, pytest.mark.service]
 

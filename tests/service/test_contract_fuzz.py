@@ -26,8 +26,8 @@ from worker.app import SHORT_QUEUE
 from worker.artifacts import KINDS
 from worker.problems import problem
 from worker.produce import produce
-from worker.records import claim, finish
 from worker.settings import Settings
+from worker.steps import claim, finish
 from worker.storage import Manifest
 
 pytestmark = [pytest.mark.service, pytest.mark.slow]

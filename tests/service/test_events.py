@@ -12,8 +12,8 @@ from redis.exceptions import RedisError
 from service.jobs.repository import JobRepository
 from tests.broker import client_of
 from tests.service.in_process import Jobs, serving
-from worker.records import claim, finish, record_key, report
 from worker.settings import Settings
+from worker.steps import claim, finish, record_key, report
 
 
 def parsed(text: str) -> list[dict[str, Any]]:

@@ -25,8 +25,8 @@ from tests.problems import refused
 from tests.service.in_process import files_in, serving
 from tests.uploads import cvat, png
 from tests.waiting import within
-from worker.records import record_key
 from worker.settings import Settings
+from worker.steps import record_key
 
 IMAGE = ("a.png", png())
 FORM = "multipart/form-data; boundary=b"

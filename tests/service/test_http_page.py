@@ -9,8 +9,8 @@ from typing import Any
 
 from worker.artifacts import EXPORTS, KINDS, REVISED
 from worker.problems import TITLES, problem
-from worker.records import EVENTS_KEPT
 from worker.settings import Settings
+from worker.steps import EVENTS_KEPT
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "http.md").read_text()

@@ -13,8 +13,8 @@ from service.idempotency import Idempotency
 from service.jobs.repository import connect as connect_async
 from tests.service.in_process import Jobs
 from tests.uploads import cvat, png
-from worker.records import finish
 from worker.settings import Settings
+from worker.steps import finish
 
 IMAGE = ("a.png", png())
 

@@ -14,8 +14,8 @@ from tests.problems import refused
 from tests.service.in_process import Jobs
 from tests.uploads import png
 from worker.problems import problem
-from worker.records import claim, finish, report
 from worker.settings import Settings
+from worker.steps import claim, finish, report
 
 
 def test_an_unknown_job_is_not_found(api: httpx.Client) -> None:

@@ -12,8 +12,9 @@ from tests.keys import ALICE, BOB, key
 from tests.problems import refused
 from tests.service.in_process import Jobs, files_in, serving
 from tests.uploads import png
-from worker.records import JobRecords, claim, finish
+from worker.records import JobRecords
 from worker.settings import Settings
+from worker.steps import claim, finish
 
 IMAGE = {"image": ("a.png", png())}
 

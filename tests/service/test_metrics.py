@@ -5,7 +5,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from tests.service.in_process import Jobs
 from worker.problems import problem
-from worker.records import claim, finish
+from worker.steps import claim, finish
 
 
 def figures(api: httpx.Client) -> dict[tuple[str, str], float]:

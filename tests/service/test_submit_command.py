@@ -20,8 +20,9 @@ from tests.servers import in_background
 from tests.service.in_process import Jobs, serving
 from tests.uploads import cvat, png
 from worker.problems import problem
-from worker.records import ACTIVE, JobRecords, finish
+from worker.records import JobRecords
 from worker.settings import Settings
+from worker.steps import ACTIVE, finish
 
 POLYGON = cvat(points="1,1;x,1;20,15")
 

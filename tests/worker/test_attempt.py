@@ -12,8 +12,10 @@ from gcvec.progress import Progress
 from tests.broker import client_of
 from tests.waiting import within
 from worker.attempt import REPORT_SECONDS, Attempt
+from worker.job import Job
 from worker.keeper import StopError
-from worker.records import Call, Job, JobRecords, claim, connect, events_key, finish, lease_key, record_key
+from worker.records import JobRecords, connect
+from worker.steps import Call, claim, events_key, finish, lease_key, record_key
 
 
 class WatchedRecords(JobRecords):

@@ -11,8 +11,10 @@ import pytest
 from tests.broker import client_of
 from tests.webhook_receiver import SECRET, Receiver
 from worker import delivery, storage
-from worker.records import Job, JobRecords, record_key
+from worker.job import Job
+from worker.records import JobRecords
 from worker.settings import Settings
+from worker.steps import record_key
 from worker.webhooks import DELIVERIES
 from worker.workshop import Workshop
 

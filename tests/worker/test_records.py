@@ -8,13 +8,13 @@ import pytest
 import redis
 
 from tests.broker import client_of
+from worker.job import Job
 from worker.problems import problem
 from worker.questions import Answer
-from worker.records import (
+from worker.records import JobRecords
+from worker.steps import (
     ACTIVE,
     EXPIRY,
-    Job,
-    JobRecords,
     claim,
     events_key,
     finish,

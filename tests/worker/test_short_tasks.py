@@ -12,8 +12,9 @@ from gcvec import vectorize
 from tests.worker.workshops import empty_workshop
 from worker import short_tasks, storage
 from worker.artifacts import KINDS
+from worker.job import Job
 from worker.questions import PENDING, Answer, question_key
-from worker.records import Job, record_key
+from worker.steps import record_key
 from worker.storage import Manifest
 from worker.workshop import Workshop
 

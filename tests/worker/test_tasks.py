@@ -12,7 +12,8 @@ import pytest
 
 from tests.worker.workshops import empty_workshop
 from worker import produce, storage, tasks
-from worker.records import Job, claim, create, lease_key
+from worker.job import Job
+from worker.steps import claim, create, lease_key
 from worker.storage import Manifest
 from worker.workshop import Workshop
 

@@ -12,8 +12,8 @@ import pytest
 
 from tests.servers import in_background
 from tests.webhook_receiver import SECRET, Receiver, signature_of
+from worker.job import Job
 from worker.problems import problem
-from worker.records import Job
 from worker.webhooks import UnsafeTargetError, check_target, message, post, signed_headers
 
 
