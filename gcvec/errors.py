@@ -9,8 +9,8 @@ from contextlib import contextmanager
 class InputError(ValueError):
     """The input cannot be used. The message names the cause in one line.
 
-    `code` is a stable slug such as ``"unreadable-image"``; `pointer` names the offending part of the input
-    where there is one (``"image 'a.png' polygon 3, line 41"``).
+    `code` is a stable slug such as ``"unreadable-picture"``; `pointer` names the offending part of the input
+    where there is one (``"polygon 3, line 41"``).
     """
 
     def __init__(self, message: str, *, code: str, pointer: str | None = None) -> None:

@@ -5,10 +5,12 @@ Work is always cut into the same shares, whatever the number of threads, so resu
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TypeVar
 
 S = TypeVar("S")
@@ -16,9 +18,11 @@ T = TypeVar("T")
 
 SHARES = 4
 
-_pool: ThreadPoolExecutor | None = None
-_workers = 0
-"""Threads in use; 0: nobody has said yet."""
+_usual = 0
+"""Threads of this process; 0: one for every core."""
+
+_meanwhile: ContextVar[int] = ContextVar("threads", default=0)
+"""Those of the run that is going on, of which there may be several at a time."""
 
 
 def cores() -> int:
@@ -28,25 +32,23 @@ def cores() -> int:
 
 def use_workers(workers: int) -> None:
     """Use this many threads from now on; 0 is one for every core, as it is where nobody says."""
-    global _workers
-    wanted = workers or cores()
-    if wanted != _workers:
-        _workers = wanted
-        _forget_pool()
+    global _usual
+    _usual = workers
+
+
+def threads() -> int:
+    """How many threads work is done by."""
+    return _meanwhile.get() or _usual or cores()
 
 
 @contextmanager
 def workers(number: int) -> Iterator[None]:
     """Use this many threads meanwhile, as `use_workers` does."""
-    global _workers
-    before = _workers
-    use_workers(number)
+    before = _meanwhile.set(number or cores())
     try:
         yield
     finally:
-        if before != _workers:
-            _workers = before
-            _forget_pool()
+        _meanwhile.reset(before)
 
 
 def in_shares(work: Callable[[int, int], T], n: int) -> list[T]:
@@ -57,20 +59,16 @@ def in_shares(work: Callable[[int, int], T], n: int) -> list[T]:
 
 def in_turn(work: Callable[[S], T], items: Sequence[S]) -> list[T]:
     """`work(item)` for every one of some items; the results in order."""
-    global _pool
-    if not _workers:
-        use_workers(0)
-    if _workers < 2 or len(items) < 2:
+    n = threads()
+    if n < 2 or len(items) < 2:
         return [work(item) for item in items]
-    if _pool is None:
-        _pool = ThreadPoolExecutor(_workers, thread_name_prefix="gcvec")
-    return list(_pool.map(work, items))
+    return list(_pool(n).map(work, items))
 
 
-def _forget_pool() -> None:
-    global _pool
-    _pool = None
+@functools.cache
+def _pool(n: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(n, thread_name_prefix="gcvec")
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget_pool)
+    os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import uuid
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -25,6 +26,15 @@ IdempotencyKey = Annotated[
 
 _IN_FLIGHT_SECONDS: Final = 60
 _KEPT_SECONDS: Final = 86_400
+
+# A claim that has run out may be another request's by now, and is left to it.
+_SETTLE: Final = """
+local held = redis.call('GET', KEYS[1])
+if held and held ~= ARGV[1] then return 0 end
+if ARGV[2] == '' then return redis.call('DEL', KEYS[1]) end
+redis.call('SET', KEYS[1], ARGV[2], 'EX', ARGV[3])
+return 1
+"""
 
 
 @dataclass
@@ -50,7 +60,7 @@ class Idempotency:
             yield Once()
             return
         name = f"gcvec:once:{owner}:{hashlib.sha256(key.encode()).hexdigest()}"
-        claim = json.dumps([fingerprint, None])
+        claim = json.dumps([fingerprint, None, uuid.uuid4().hex])
         if not await self._client.set(name, claim, nx=True, ex=_IN_FLIGHT_SECONDS):
             yield Once(_outcome(await self._client.get(name) or claim, fingerprint))
             return
@@ -58,14 +68,12 @@ class Idempotency:
         try:
             yield once
         finally:
-            if once.outcome is None:
-                await self._client.delete(name)
-            else:
-                await self._client.set(name, json.dumps([fingerprint, once.outcome]), ex=_KEPT_SECONDS)
+            kept = "" if once.outcome is None else json.dumps([fingerprint, once.outcome])
+            await self._client.register_script(_SETTLE)(keys=[name], args=[claim, kept, _KEPT_SECONDS])
 
 
 def _outcome(record: str, fingerprint: str) -> str:
-    known, outcome = json.loads(record)
+    known, outcome, *_ = json.loads(record)
     if known != fingerprint:
         raise ProblemError("idempotency-mismatch", "the key was used with another request")
     if outcome is None:

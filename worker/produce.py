@@ -1,4 +1,4 @@
-"""From uploaded bytes to the bytes of every artefact: the one place where the service meets the engine."""
+"""From uploaded bytes to the bytes of every artefact."""
 
 from __future__ import annotations
 

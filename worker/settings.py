@@ -44,15 +44,19 @@ class Settings(BaseSettings):
         default=(), description="comma-separated origins whose pages may use the service"
     )
     retention: timedelta = Field(
-        default=timedelta(days=7), description="how long a finished job is kept (ISO 8601: P7D)"
+        default=timedelta(days=7),
+        gt=timedelta(0),
+        description="how long a finished job is kept (ISO 8601: P7D)",
     )
     orphan_age: timedelta = Field(
-        default=timedelta(days=1), description="age at which files that belong to no job are removed"
+        default=timedelta(days=1),
+        gt=timedelta(0),
+        description="age at which files that belong to no job are removed",
     )
     webhook_private: bool = Field(
         default=False, description="whether webhooks may use plain HTTP and addresses of our own network"
     )
-    webhook_pauses: Annotated[tuple[float, ...], NoDecode] = Field(
+    webhook_pauses: Annotated[tuple[Annotated[float, Field(ge=0)], ...], NoDecode] = Field(
         default=(5, 300, 1_800, 7_200, 18_000, 36_000),
         description="seconds before each further call of a webhook that fails, comma-separated",
     )

@@ -96,7 +96,7 @@ def _export(shop: Workshop, job_id: str, revision: int, kind: str, scale: float,
         return Answer(problem=_GONE)
     data = export(load_image(shop.store, manifest.files["gcv"].path), kind, scale)
     file = storage.write_derived(shop.store, job_id, revision, name, data, (KINDS | EXPORTS)[kind].media_type)
-    return _kept(shop, job_id, file.size, None)
+    return _kept(shop, job_id, file.size, f"{revision}/{name}", None)
 
 
 def _edit(shop: Workshop, key: str, job_id: str, base: int, changes: Mapping[str, Any]) -> Answer:
@@ -118,12 +118,12 @@ def _edit(shop: Workshop, key: str, job_id: str, base: int, changes: Mapping[str
         for name, (filename, data) in files.items()
     }
     storage.commit(shop.store, job_id, Manifest(revision, stored), revision)
-    return _kept(shop, job_id, sum(file.size for file in stored.values()), revision)
+    return _kept(shop, job_id, sum(file.size for file in stored.values()), str(revision), revision)
 
 
-def _kept(shop: Workshop, job_id: str, size: int, value: object) -> Answer:
+def _kept(shop: Workshop, job_id: str, size: int, name: str, value: object) -> Answer:
     """The answer, unless the job was deleted while its file was being made: then that file goes too."""
-    if shop.records.run(grow(job_id, size)):
+    if shop.records.run(grow(job_id, size, name)):
         return Answer(value)
     if shop.records.unwanted(job_id):
         storage.delete_folder(shop.store, storage.job_folder(job_id))

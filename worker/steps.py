@@ -64,7 +64,9 @@ class Call:
     args: tuple[str | float, ...]
 
 
+# Steps whose answers are lost are run again: the second time these count nothing.
 _CREATE = """
+if redis.call('EXISTS', KEYS[1]) == 1 then return 1 end
 local owner = ARGV[2]
 local unfinished = 'gcvec:unfinished:' .. owner
 local most_jobs, most_bytes = tonumber(ARGV[5]), tonumber(ARGV[6])
@@ -153,6 +155,7 @@ return 1
 
 _GROW = """
 if redis.call('HGET', KEYS[1], 'status') ~= 'succeeded' then return 0 end
+if redis.call('HSETNX', KEYS[1], 'stored:' .. ARGV[2], ARGV[1]) == 0 then return 1 end
 redis.call('HINCRBY', KEYS[1], 'bytes', ARGV[1])
 redis.call('HINCRBY', 'gcvec:stored', redis.call('HGET', KEYS[1], 'owner'), ARGV[1])
 return 1
@@ -242,9 +245,10 @@ def requeue(job_id: str) -> Call:
     return Call(_REQUEUE, _keys(job_id), (job_id, time.time()))
 
 
-def grow(job_id: str, size: int) -> Call:
-    """Count `size` more bytes that are stored for a job; returns 0 if it has no result or is gone."""
-    return Call(_GROW, (record_key(job_id),), (size,))
+def grow(job_id: str, size: int, name: str) -> Call:
+    """Count `size` more bytes that are stored for a job, once for every `name`; returns 0 if it has no result
+    or is gone."""
+    return Call(_GROW, (record_key(job_id),), (size, name))
 
 
 def revise(job_id: str, question: str) -> Call:

@@ -1,4 +1,4 @@
-"""Puts right what a crash leaves behind. Every worker runs one; a lock in Redis lets one sweep at a time."""
+"""Puts right what a crash leaves behind. Every worker runs one; one begins about every two seconds."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 import redis
+from kombu.exceptions import OperationalError
 
 from worker import logs
 from worker.app import DELIVER, HOOKS_QUEUE, JOBS_QUEUE, REMOVE, SHORT_QUEUE, TIDY, VECTORIZE, app
@@ -51,8 +52,11 @@ class Sweeper:
             except Exception as error:
                 if isinstance(error, redis.OutOfMemoryError):
                     self.make_room()
+                if isinstance(error, (redis.RedisError, OperationalError)):
+                    logger.warning("sweep failed: %s", type(error).__name__)
+                else:
+                    logger.exception("sweep failed")
                 # After an outage running attempts get time to renew their leases before they count as dead.
-                logger.warning("sweep failed: %s", type(error).__name__)
                 time.sleep(LEASE_SECONDS)
 
     def sweep(self) -> None:
@@ -114,9 +118,12 @@ class Sweeper:
         message = self._client.lindex(JOBS_QUEUE, -1)
         if message is None:
             return time.time()
-        (job_id,), *_ = json.loads(b64decode(json.loads(message)["body"]))
+        try:
+            job_id = str(json.loads(b64decode(json.loads(message)["body"]))[0][0])
+        except (ValueError, LookupError, TypeError):
+            return 0.0  # not one of ours: the next one will tell
         since = self._client.zscore(ACTIVE, job_id)
-        return 0.0 if since is None else float(since)  # it has ended: the next one will tell
+        return 0.0 if since is None else float(since)  # it has ended: likewise
 
 
 def start() -> None:

@@ -133,7 +133,8 @@ def post(url: str, headers: dict[str, str], body: bytes, *, private: bool) -> in
     """Call the address; the status of the answer. Redirects and proxies are not followed.
 
     The name is resolved once, and the connection goes to the address that was checked. Raises
-    UnsafeTargetError, OSError (TimeoutError where the whole takes more than ten seconds) and httpx.HTTPError.
+    UnsafeTargetError, OSError (TimeoutError where the call takes more than ten seconds, once the name is
+    resolved) and httpx.HTTPError.
     """
     check_target(url, private=private)
     parts = urlsplit(url)

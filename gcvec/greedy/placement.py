@@ -212,7 +212,6 @@ class Placement:
         equation (7)."""
         self.strips = strips
         self._seats = seats
-        self._elsewhere = 0.0
         self._room = room
         self._pull = pull
         # Patches may be so thin that they hold the centre of no pixel.

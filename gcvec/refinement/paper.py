@@ -1,8 +1,9 @@
 """Error-driven interior control points exactly as the paper inserts them (section 4.4), one at a time.
 
 Region by region: evaluate the region's pixels, make the worst of them a control point, mesh anew, solve all
-coordinates anew, fit all interior colours anew. Slow and simple: the measure of what `refine` does in rounds.
-As in the paper a pixel counts by the colour at its centre, and the boundary keeps the colours of section 4.3.
+coordinates anew, fit all interior colours anew. Slow and simple: the measure of what the rounds of
+`gcvec.refinement.batch` do. As in the paper a pixel counts by the colour at its centre, and the boundary
+keeps the colours of section 4.3.
 """
 
 from __future__ import annotations

@@ -44,6 +44,7 @@ def _epilog() -> str:
 @click.option("--workers", type=click.IntRange(min=0), default=0, help="Jobs at a time; 0: one a core.")
 @click.option(
     "--data",
+    envvar="GCVEC_DATA_DIR",
     type=click.Path(file_okay=False, path_type=Path),
     default="gcvec-data",
     help="Folder for files and queue.",
@@ -134,10 +135,11 @@ def _announce(supervisor: Supervisor, listener: socket.socket) -> None:
     """Print the address once the service answers."""
     host, port = listener.getsockname()[:2]
     url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+    directly = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     deadline = time.monotonic() + _READY_SECONDS
     while not supervisor.stopping and time.monotonic() < deadline:
         try:
-            with urllib.request.urlopen(f"{url}/readyz", timeout=2):
+            with directly.open(f"{url}/readyz", timeout=2):
                 print(f"gcvec serves {url}", flush=True)
                 return
         except (URLError, OSError):

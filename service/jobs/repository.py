@@ -112,7 +112,12 @@ class JobRepository:
                 break
             offset += len(entries)
             wanted = [key for key, score in entries if before is None or (score, key) < before]
-            jobs += [job for _, job in [await self.find(key) for key in wanted] if job is not None]
+            async with self._client.pipeline(transaction=False) as pipeline:
+                for key in wanted:
+                    pipeline.hgetall(record_key(key))
+                records = await pipeline.execute()
+            found = map(Job.from_fields, wanted, records)
+            jobs += [job for job in found if job is not None and not job.expired]
         return jobs[:size]
 
     async def figures(self) -> Figures:

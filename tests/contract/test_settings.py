@@ -19,7 +19,8 @@ from tests.shaded_box import BOX, GROUND, cvat, photo_pixels, polygon
 from worker.settings import Settings
 
 NAMES = [f"GCVEC_{name.upper()}" for name in Settings.model_fields]
-README = (Path(__file__).parents[2] / "README.md").read_text()
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
 
 
 @pytest.mark.contract("5: listed by gcvec serve --help and README")
@@ -34,7 +35,7 @@ def test_every_setting_is_listed() -> None:
 @pytest.mark.contract("5: one settings class")
 def test_no_other_variable_is_read() -> None:
     """Apart from the command line's own: the key `submit` sends, and the switch that shows a traceback."""
-    sources = [file for package in ("gcvec", "worker", "service") for file in Path(package).rglob("*.py")]
+    sources = [file for package in ("gcvec", "worker", "service") for file in (ROOT / package).rglob("*.py")]
     named = {name for file in sources for name in re.findall(r"\bGCVEC_[A-Z_]+\b", file.read_text())}
     assert named - set(NAMES) <= {"GCVEC_API_KEY", "GCVEC_TRACEBACK", "GCVEC_"}
 
@@ -48,6 +49,7 @@ def test_no_other_variable_is_read() -> None:
         *("GCVEC_BROKER_URL=redis://:secret/@127.0.0.1/0", "GCVEC_BROKER_URL=redis://127.0.0.1/x"),
         *("GCVEC_STORAGE_URL=/data", "GCVEC_STORAGE_URL=ftp://host/data", "GCVEC_STORAGE_URL=file://data"),
         "GCVEC_STORAGE_URL=s3:///prefix",
+        *("GCVEC_ORPHAN_AGE=0", "GCVEC_RETENTION=-P1D", "GCVEC_WEBHOOK_PAUSES=5,-5"),
     ],
 )
 def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:

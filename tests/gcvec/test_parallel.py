@@ -51,9 +51,28 @@ def test_what_goes_wrong_comes_out(bad: int, problem: type[BaseException]) -> No
 
 def test_what_was_said_before_holds_again(workers: int) -> None:
     with parallel.workers(3):
-        assert parallel._workers == 3
+        assert parallel.threads() == 3
         assert in_turn(abs, [-1, -2]) == [1, 2]
-    assert parallel._workers == workers
+    assert parallel.threads() == workers
     with pytest.raises(ZeroDivisionError), parallel.workers(4):
         raise ZeroDivisionError
-    assert parallel._workers == workers
+    assert parallel.threads() == workers
+
+
+def test_runs_at_the_same_time_have_their_own_threads(workers: int) -> None:
+    begun, over = threading.Barrier(2, timeout=10), threading.Barrier(2, timeout=10)
+    seen = {}
+
+    def run(number: int) -> None:
+        with parallel.workers(number):
+            begun.wait()
+            seen[number] = parallel.threads()
+            over.wait()
+
+    runs = [threading.Thread(target=run, args=(number,)) for number in (3, 4)]
+    for one in runs:
+        one.start()
+    for one in runs:
+        one.join()
+    assert seen == {3: 3, 4: 4}
+    assert parallel.threads() == workers

@@ -15,9 +15,12 @@ from worker.records import JobRecords
 from worker.steps import (
     ACTIVE,
     EXPIRY,
+    STORED,
     claim,
+    create,
     events_key,
     finish,
+    grow,
     lease_key,
     owner_key,
     record_key,
@@ -173,3 +176,18 @@ def test_a_job_that_nothing_is_known_of_is_not_taken_for_deleted(records: JobRec
     assert records.unwanted(job.id)
     records.run(retire(job.id))
     assert records.unwanted(job.id)
+
+
+def test_a_step_whose_answer_was_lost_counts_once(records: JobRecords, client: redis.Redis) -> None:
+    name, owner = uuid.uuid4().hex, uuid.uuid4().hex
+    job = Job(id=name, owner=owner, status="queued", created_at=time.time(), bytes=1000)
+    for _ in range(2):
+        assert records.run(create(job, most_jobs=1, most_bytes=0)) == 1
+    assert client.hget(STORED, owner) == "1000"
+    records.run(claim(name))
+    records.run(finish(name, "succeeded", retention=60))
+    for _ in range(2):
+        assert records.run(grow(name, 500, "0/preview@2x.png")) == 1
+    assert client.hget(STORED, owner) == "1500"
+    records.run(retire(name))
+    assert client.hget(STORED, owner) == "0"

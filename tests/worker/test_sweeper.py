@@ -127,3 +127,13 @@ def test_a_full_broker_gets_room_from_what_has_expired(
         client.config_set("maxmemory", 0)
     assert client.keys("gcvec:events:*") == [events_key("kept")]
     assert records.get("expired") is not None  # to be removed with its files
+
+
+def test_a_message_that_is_not_ours_holds_nothing_up(
+    sweeper: Sweeper, records: JobRecords, client: redis.Redis
+) -> None:
+    for strange in ("no JSON", '{"body": "bm9uZQ=="}', '{"body": "W1tdLCB7fSwge31d"}', "{}"):
+        client.flushall()
+        waiting(records, "waits", 60)
+        client.rpush(JOBS_QUEUE, strange)
+        assert sweeper.lost() == []

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gcvec.patches.canonical import lay_unfolded_canvas
 from gcvec.patches.drawing import FLATNESS
 from gcvec.raster.coverage import Coverage
+from gcvec.raster.covering import most_entries_of
 from gcvec.raster.painting import paint, triangle_at_pixel_centres
 from tests.gcvec.scenes import SCENES, foundation_of, some_points
 
@@ -24,6 +25,57 @@ def test_areas_add_up_to_the_triangle(corners: np.ndarray) -> None:
     coverage = Coverage(corners if area > 0 else corners[::-1], TRIANGLE, 7, 7)
     if abs(area) > 1e-9:
         assert coverage.weights[coverage.entries()].sum() == pytest.approx(abs(area) / 2, rel=1e-9)
+
+
+@settings(max_examples=200)
+@given(
+    place=st.tuples(st.floats(-20, 16_384), st.floats(-20, 30)).map(np.array),
+    shape=st.tuples(*[st.tuples(st.floats(-12, 12), st.floats(-12, 12))] * 3).map(np.array),
+    whole=st.booleans(),
+)
+def test_a_triangle_anywhere_has_no_more_entries_than_there_is_room_for(
+    place: np.ndarray, shape: np.ndarray, whole: bool
+) -> None:
+    """And its weights are its area's within the picture, with the centroid that clipping finds."""
+    width, height = 16_384, 30
+    corners = place + shape
+    corners = np.round(corners) if whole else corners
+    (ux, uy), (vx, vy) = corners[1] - corners[0], corners[2] - corners[0]
+    coverage = Coverage(corners, TRIANGLE, width, height)
+    own = coverage.entries()
+    assert len(own) <= most_entries_of(corners, TRIANGLE, width, height)
+    assert (np.diff(coverage.pixel[own]) > 0).all()
+    inside = clipped(corners, width, height)
+    area, centroid = area_and_centroid(inside)
+    sign = np.sign(ux * vy - uy * vx)
+    weights = coverage.weights[own]
+    assert weights.sum() == pytest.approx(sign * area, abs=1e-8)
+    if area > 1e-3:
+        np.testing.assert_allclose(weights.sum(axis=0) @ corners / (sign * area), centroid, rtol=1e-6)
+
+
+def clipped(polygon: np.ndarray, width: int, height: int) -> np.ndarray:
+    """The part of a convex polygon `(n, 2)` inside the picture (Sutherland and Hodgman 1974)."""
+    for axis, bound, side in ((0, 0, 1), (0, width, -1), (1, 0, 1), (1, height, -1)):
+        kept = []
+        for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            da, db = side * (a[axis] - bound), side * (b[axis] - bound)
+            if da >= 0:
+                kept.append(a)
+            if da * db < 0:
+                kept.append(a + (b - a) * da / (da - db))
+        polygon = np.array(kept).reshape(-1, 2)
+    return polygon
+
+
+def area_and_centroid(polygon: np.ndarray) -> tuple[float, np.ndarray]:
+    """Of a convex polygon `(n, 2)`, by a fan of triangles."""
+    if len(polygon) < 3:
+        return 0.0, np.zeros(2)
+    u, v = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]
+    twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    centroid = polygon[0] + (twice[:, None] * (u + v)).sum(axis=0) / (3 * twice.sum() or 1.0)
+    return abs(twice.sum()) / 2, centroid
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0, 3.7])
