@@ -191,4 +191,5 @@ def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
         why = "rounding to the file's steps has cost the rest"
     else:
         why = "more control points no longer help"
-    return (f"the mean squared error stays at {mse:.2f}, above the target of {wanted:g}: {why}",)
+    which = "mean squared error at the centres of pixels" if alone else "mean squared error"
+    return (f"the {which} stays at {mse:.2f}, above the target of {wanted:g}: {why}",)

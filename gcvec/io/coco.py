@@ -98,6 +98,8 @@ def _corners(bbox: object, pointer: str) -> list[float]:
     if not isinstance(bbox, list) or len(bbox) != 4:
         raise broken("its bbox is not [x, y, width, height]", pointer)
     (x, y), (width, height) = ring_from(bbox, pointer)
+    if width < 0 or height < 0:
+        raise broken("its bbox has a negative size", pointer)
     return [float(value) for value in rectangle(x, y, x + width, y + height).ravel()]
 
 
@@ -114,7 +116,8 @@ class _ShapeReader:
         segmentation = annotation.get("segmentation")
         if isinstance(segmentation, dict):
             return self._masked(segmentation, label, pointer)
-        rings = segmentation or [_corners(annotation["bbox"], pointer)]
+        empty = not segmentation or (segmentation == [[]] and "bbox" in annotation)
+        rings = [_corners(annotation["bbox"], pointer)] if empty else segmentation
         if not isinstance(rings, list) or not all(isinstance(ring, list) for ring in rings):
             raise broken("its segmentation is neither a list of polygons nor a run-length mask", pointer)
         for ring in rings:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageCms, TiffImagePlugin, _imaging
+from PIL import ExifTags, Image, ImageCms, PngImagePlugin, TiffImagePlugin, _imaging
 
 from gcvec.errors import InputError
 from gcvec.io.limits import DEFAULT_LIMITS, Limits
@@ -38,6 +38,13 @@ _WHITE_IS_ZERO = 0
 
 _PROFILE_MODES = {"RGB": "RGB", "GRAY": "L", "CMYK": "CMYK"}
 """ICC colour space -> the Pillow mode such a profile reads."""
+
+
+_PLANES = 2
+"""TIFF 6.0, PlanarConfiguration: every sample has a plane of its own."""
+
+_SCALES = {"L;2": 85, "L;4": 17}
+"""Pillow's layout of few bits a sample -> the 8-bit value of 1."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +96,8 @@ def read_picture(
         if image.format != "MPO" and getattr(image, "is_animated", False):
             notes.append("the file holds several frames or pages; the first one is used")
         try:
+            _require_readable(image)
+            _bring_key_to_eight_bits(image, notes)
             image.load()
             image = _upright(image, notes)
             profile = image.info.get("icc_profile")
@@ -181,6 +190,31 @@ def _stored_sideways(image: Image.Image) -> bool:
         return False
 
 
+def _require_readable(image: Image.Image) -> None:
+    """Refuse what Pillow reads as something else."""
+    tags = image.tag_v2 if isinstance(image, TiffImagePlugin.TiffImageFile) else {}
+    planes = tags.get(TiffImagePlugin.PLANAR_CONFIGURATION) == _PLANES
+    plain = tags.get(TiffImagePlugin.COMPRESSION, 1) == 1
+    if planes and plain and max(tags.get(TiffImagePlugin.BITSPERSAMPLE, (8,))) > 8:
+        raise InputError(
+            "unsupported picture: 16-bit samples in separate planes; save it with its samples together",
+            code="unsupported-picture",
+        )
+
+
+def _bring_key_to_eight_bits(image: Image.Image, notes: list[str]) -> None:
+    """Where a PNG states which colour is transparent, it does so in the file's own bits."""
+    key = image.info.get("transparency")
+    if not isinstance(image, PngImagePlugin.PngImageFile) or key is None:
+        return
+    layout = image.tile[0].args if image.tile else None
+    if layout in _SCALES and isinstance(key, int):
+        image.info["transparency"] = key * _SCALES[layout]
+    elif layout == "RGB;16B":  # its samples have lost their low bytes, which may tell them from the key
+        del image.info["transparency"]
+        notes.append("the transparent colour of 16-bit samples is ignored")
+
+
 def _upright(image: Image.Image, notes: list[str]) -> Image.Image:
     try:
         orientation = image.getexif().get(ExifTags.Base.Orientation)
@@ -237,7 +271,8 @@ def _to_srgb(color: Image.Image, icc: bytes | None, notes: list[str]) -> Image.I
 def _through_profile(color: Image.Image, icc: bytes) -> Image.Image:
     profile = ImageCms.ImageCmsProfile(BytesIO(icc))
     mode = _PROFILE_MODES[profile.profile.xcolor_space.strip()]
-    if (color.mode == "CMYK") != (mode == "CMYK"):
+    colorful = color.mode != "L" and (np.asarray(color) != np.asarray(color)[..., :1]).any()
+    if (color.mode == "CMYK") != (mode == "CMYK") or (mode == "L" and colorful):
         raise ValueError("profile of another colour space")
     transform = ImageCms.buildTransform(
         profile,

@@ -61,6 +61,15 @@ def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:
     assert "secret" not in run.stderr
 
 
+def test_the_data_folder_is_a_setting_too(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    command = ["env", f"GCVEC_DATA_DIR={file}", *GCVEC, "serve", "--port", "0"]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2
+    assert str(file) in run.stderr
+
+
 def test_the_api_by_itself_names_a_wrong_setting_too() -> None:
     command = ["env", "GCVEC_STORAGE_URL=/data", sys.executable, "-m", "service.server", "127.0.0.1:0"]
     run = subprocess.run(command, capture_output=True, text=True, timeout=60)

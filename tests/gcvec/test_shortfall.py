@@ -11,7 +11,10 @@ from skimage import data
 from gcvec import Annotations, Options, Progress, Shape, VectorImage, vectorize
 from tests.gcvec.scenes import SCENES, noise
 
-SENTENCE = re.compile(r"the mean squared error stays at (\d+\.\d\d), above the target of ([\d.]+): (.+)")
+SENTENCE = re.compile(
+    r"the mean squared error(?: at the centres of pixels)? stays at (\d+\.\d\d), "
+    r"above the target of ([\d.]+): (.+)"
+)
 
 
 def faint_noise(side: int = 40) -> np.ndarray:

@@ -80,9 +80,10 @@ def test_a_mask_brings_its_own_size_where_the_image_states_none() -> None:
     assert annotations.shapes[0].mask.shape == (4, 6)
 
 
-def test_a_box_alone_is_a_rectangle_and_neither_is_left_out() -> None:
+@pytest.mark.parametrize("nothing", [[], [[]]])
+def test_a_box_alone_is_a_rectangle_and_neither_is_left_out(nothing: list[Any]) -> None:
     annotations = read_coco(
-        encoded(document({"segmentation": [], "bbox": [5, 6, 10, 20]}, {"keypoints": [1, 2, 3]}))
+        encoded(document({"segmentation": nothing, "bbox": [5, 6, 10, 20]}, {"keypoints": [1, 2, 3]}))
     )
     (shape,) = annotations.shapes
     assert shape.rings[0].tolist() == [[5, 6], [15, 6], [15, 26], [5, 26]]
@@ -121,6 +122,7 @@ def test_the_image_is_chosen_by_name_and_its_annotations_by_id() -> None:
         {"segmentation": {"size": [40, 60], "counts": "0"}},
         {"bbox": [1, 2, 3]},
         {"bbox": "everything"},
+        {"bbox": [10, 10, -5, 20]},
         {"bbox": [1, 2, 3, "4 px"]},
     ],
 )

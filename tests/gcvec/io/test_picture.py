@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 from dataclasses import replace
@@ -7,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -100,15 +102,53 @@ def test_16_bit_grey_keeps_its_transparent_value() -> None:
 
 
 def test_16_bit_rgb_png_loses_its_low_bytes() -> None:
-    rows = b"".join(b"\0" + struct.pack(">6H", 0x1234, 0xABCD, 0xFFFF, 0, 0x80FF, 0x7F00) for _ in range(2))
-
-    def chunk(kind: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    header = struct.pack(">IIBBBBB", 2, 2, 16, 2, 0, 0, 0)
-    data = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows))
-    picture = read_picture(data + chunk(b"IEND", b""))
+    row = struct.pack(">6H", 0x1234, 0xABCD, 0xFFFF, 0, 0x80FF, 0x7F00)
+    picture = read_picture(png((2, 2), 16, 2, [row, row]))
     assert picture.pixels[0].tolist() == [[0x12, 0xAB, 0xFF], [0, 0x80, 0x7F]]
+
+
+@pytest.mark.parametrize(("bits", "row"), [(2, 0b11_00_10_01), (4, 0x30)])
+def test_a_transparent_grey_of_few_bits_counts_as_alpha(bits: int, row: int) -> None:
+    """It is the first pixel's, 3."""
+    data = png((8 // bits, 1), bits, 0, [bytes([row])], key=struct.pack(">H", 3))
+    picture = read_picture(data, matte=(255, 0, 0))
+    assert picture.pixels[0, :2].tolist() == [[255, 0, 0], [0, 0, 0]]
+    assert "transparent" in picture.warnings[0]
+
+
+def test_a_transparent_colour_of_16_bits_is_ignored_with_a_warning() -> None:
+    row = struct.pack(">6H", 0, 0, 0, 0xFF, 0xFF, 0xFF)
+    picture = read_picture(png((2, 1), 16, 2, [row], key=bytes(6)), matte=(255, 0, 0))
+    assert not picture.pixels.any()
+    assert picture.warnings == ("the transparent colour of 16-bit samples is ignored",)
+
+
+def png(size: tuple[int, int], bits: int, kind: int, rows: list[bytes], key: bytes = b"") -> bytes:
+    """A PNG of that many bits a sample and colour type; the key is its transparent colour."""
+
+    def chunk(name: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", *size, bits, kind, 0, 0, 0))
+    transparent = chunk(b"tRNS", key) if key else b""
+    body = chunk(b"IDAT", zlib.compress(b"".join(b"\0" + row for row in rows)))
+    return b"\x89PNG\r\n\x1a\n" + header + transparent + body + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("byteorder", ["<", ">"])
+@pytest.mark.parametrize("compression", [None, "zlib"])
+def test_16_bit_planes_are_read_right_or_refused(byteorder: Any, compression: str | None) -> None:
+    """Uncompressed ones are refused: Pillow takes them for something else."""
+    planes = np.moveaxis(pixels(blocks()).astype(np.uint16) * 257, 2, 0)
+    file = io.BytesIO()
+    tifffile.imwrite(
+        file, planes, photometric="rgb", planarconfig="separate", byteorder=byteorder, compression=compression
+    )
+    if compression is None:
+        with pytest.raises(InputError, match="planes"):
+            read_picture(file.getvalue())
+    else:
+        np.testing.assert_array_equal(read_picture(file.getvalue()).pixels, pixels(blocks()))
 
 
 @pytest.mark.parametrize("matte", [(255, 255, 255), (0, 128, 255)])
@@ -159,6 +199,18 @@ def test_a_damaged_or_foreign_profile_is_ignored_with_a_warning(mode: str) -> No
     picture = read_picture(encoded(image, icc_profile=b"not a profile"))
     np.testing.assert_array_equal(picture.pixels, pixels(image))
     assert "profile" in picture.warnings[0]
+
+
+def test_a_grey_profile_is_for_grey_pictures_only() -> None:
+    profile = bytearray(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
+    profile[16:20] = b"GRAY"
+    at = profile.index(b"rTRC")
+    profile[at : at + 4] = b"kTRC"
+    colorful = read_picture(encoded(blocks(), icc_profile=bytes(profile)))
+    np.testing.assert_array_equal(colorful.pixels, pixels(blocks()))
+    assert "does not fit" in colorful.warnings[0]
+    for mode in ("L", "LA"):
+        assert read_picture(encoded(blocks().convert(mode), icc_profile=bytes(profile))).warnings == ()
 
 
 @pytest.mark.parametrize("kind", ["PNG", "WEBP", "TIFF"])
