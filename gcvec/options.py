@@ -51,7 +51,7 @@ class Options:
             if not isinstance(getattr(self, name), Real):
                 raise self._refused(name, "be a number")
         if not 0 < self.target_mse < 65025:
-            raise self._refused("target_mse", "lie between 0 and 65025")
+            raise self._refused("target_mse", "be above 0 and below 65025")
         if not 0 <= self.snap <= MOST_SNAP:
             raise self._refused("snap", f"lie between 0 and {MOST_SNAP} pixels")
         if not 1 <= self.effort <= MOST_EFFORT:

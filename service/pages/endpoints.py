@@ -64,7 +64,7 @@ async def get_image(job: JobDep, services: ServicesDep) -> StreamingResponse:
     except FileNotFoundError:
         raise ProblemError("gone", "the job has expired or was deleted") from None
     headers = {
-        "Cache-Control": "private, max-age=3600",
+        "Cache-Control": "private, no-cache",
         "Content-Disposition": "attachment",
         "Content-Length": str(found.meta["size"]),
         "X-Content-Type-Options": "nosniff",

@@ -185,7 +185,10 @@ def test_a_picture_may_have_any_name(
     job_id = answer.json()["id"]
     folder = f"jobs/{job_id}/input"
     assert files_in(tmp_path / "storage") == [f"{folder}/annotations", f"{folder}/image"]
-    assert set(api.get(f"/v1/jobs/{job_id}/image").headers["content-disposition"]) <= set("attachment")
+    picture = api.get(f"/v1/jobs/{job_id}/image")
+    assert picture.headers["content-disposition"] == "attachment"
+    # Nor does a browser show it again without asking whether its user still may see it.
+    assert picture.headers["cache-control"] == "private, no-cache"
     assert client_of(settings.broker_url).memory_usage(record_key(job_id)) < 10_000
 
 
