@@ -25,12 +25,23 @@ def pixels(data: bytes | Path) -> np.ndarray:
 
 def png_with_header(width: int, height: int) -> bytes:
     """A PNG that states a size and holds no pixels."""
+    return _png((width, height), 8, 2, b"", b"")
 
-    def chunk(kind: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+def png(size: tuple[int, int], bits: int, kind: int, rows: list[bytes], key: bytes = b"") -> bytes:
+    """A PNG of that many bits a sample and colour type; the key is its transparent colour."""
+    return _png(
+        size, bits, kind, _chunk(b"tRNS", key) if key else b"", zlib.compress(b"\0" + b"\0".join(rows))
+    )
+
+
+def _png(size: tuple[int, int], bits: int, kind: int, before: bytes, body: bytes) -> bytes:
+    header = _chunk(b"IHDR", struct.pack(">IIBBBBB", *size, bits, kind, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + before + _chunk(b"IDAT", body) + _chunk(b"IEND", b"")
+
+
+def _chunk(name: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
 
 
 def swapped_profile() -> bytes:

@@ -271,8 +271,7 @@ def _to_srgb(color: Image.Image, icc: bytes | None, notes: list[str]) -> Image.I
 def _through_profile(color: Image.Image, icc: bytes) -> Image.Image:
     profile = ImageCms.ImageCmsProfile(BytesIO(icc))
     mode = _PROFILE_MODES[profile.profile.xcolor_space.strip()]
-    colorful = color.mode != "L" and (np.asarray(color) != np.asarray(color)[..., :1]).any()
-    if (color.mode == "CMYK") != (mode == "CMYK") or (mode == "L" and colorful):
+    if (color.mode == "CMYK") != (mode == "CMYK") or (mode == "L" and not _is_grey(color)):
         raise ValueError("profile of another colour space")
     transform = ImageCms.buildTransform(
         profile,
@@ -288,6 +287,11 @@ def _through_profile(color: Image.Image, icc: bytes) -> Image.Image:
     converted = ImageCms.applyTransform(color, transform)
     assert converted is not None  # None only for a transformation in place
     return converted
+
+
+def _is_grey(color: Image.Image) -> bool:
+    samples = np.asarray(color)
+    return color.mode == "L" or bool((samples == samples[..., :1]).all())
 
 
 def _is_identity(transform: ImageCms.ImageCmsTransform) -> bool:

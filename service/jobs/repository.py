@@ -80,8 +80,7 @@ class JobRepository:
     async def find(self, job_id: str) -> tuple[str | None, Job | None]:
         """The owner and the job; (owner, None) of a job that is gone, (None, None) of one that never was."""
         fields: Mapping[str, str] = await self._client.hgetall(record_key(job_id))
-        job = Job.from_fields(job_id, fields)
-        return fields.get("owner"), None if job is None or job.expired else job
+        return fields.get("owner"), _present(job_id, fields)
 
     async def stored(self, owner: str) -> int:
         """Bytes that the owner's files come to."""
@@ -116,8 +115,7 @@ class JobRepository:
                 for key in wanted:
                     pipeline.hgetall(record_key(key))
                 records = await pipeline.execute()
-            found = map(Job.from_fields, wanted, records)
-            jobs += [job for job in found if job is not None and not job.expired]
+            jobs += [job for job in map(_present, wanted, records) if job is not None]
         return jobs[:size]
 
     async def figures(self) -> Figures:
@@ -222,3 +220,9 @@ def position(text: str) -> tuple[float, str]:
     if not math.isfinite(created_at):
         raise ValueError("a time that is none")
     return float(created_at), str(job_id)
+
+
+def _present(job_id: str, fields: Mapping[str, str]) -> Job | None:
+    """The job of a record, unless it is gone or has expired."""
+    job = Job.from_fields(job_id, fields)
+    return None if job is None or job.expired else job

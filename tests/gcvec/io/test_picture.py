@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import io
 import struct
-import zlib
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +15,7 @@ from PIL import Image, ImageCms
 
 from gcvec.errors import InputError
 from gcvec.io import DEFAULT_LIMITS, probe_picture, read_picture
-from tests.picture_files import encoded, png_with_header, swapped_profile
+from tests.picture_files import encoded, png, png_with_header, swapped_profile
 
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF")
 
@@ -121,18 +120,6 @@ def test_a_transparent_colour_of_16_bits_is_ignored_with_a_warning() -> None:
     picture = read_picture(png((2, 1), 16, 2, [row], key=bytes(6)), matte=(255, 0, 0))
     assert not picture.pixels.any()
     assert picture.warnings == ("the transparent colour of 16-bit samples is ignored",)
-
-
-def png(size: tuple[int, int], bits: int, kind: int, rows: list[bytes], key: bytes = b"") -> bytes:
-    """A PNG of that many bits a sample and colour type; the key is its transparent colour."""
-
-    def chunk(name: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", *size, bits, kind, 0, 0, 0))
-    transparent = chunk(b"tRNS", key) if key else b""
-    body = chunk(b"IDAT", zlib.compress(b"".join(b"\0" + row for row in rows)))
-    return b"\x89PNG\r\n\x1a\n" + header + transparent + body + chunk(b"IEND", b"")
 
 
 @pytest.mark.parametrize("byteorder", ["<", ">"])
