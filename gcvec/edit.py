@@ -2,12 +2,14 @@
 
 Nothing is fitted or solved again: parameter domains, the mesh on them and all coordinates stay, and equation
 (1) is linear in the control points. Moves count in steps of the file's grid, so they are saved exactly and
-can be taken back exactly.
+can be taken back exactly; recolours are shifts beside the colours of before, and leave all other patches as
+they are.
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -19,16 +21,13 @@ from gcvec.curves.network import Network, straight_line
 from gcvec.errors import InputError, pointing_at
 from gcvec.hex_color import rgb_from_hex
 from gcvec.patches.canonical import Canvas, Foundation
-from gcvec.patches.color_space import LEFT, RIGHT, ColorSpace, color_space
 from gcvec.patches.mesh import patch_mesh
 from gcvec.patches.patch import Blend
+from gcvec.recoloring import FULL_SHIFT, recolored, shifted
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-BISECTIONS = 40
-"""Halvings of the range in which a shift of colours is looked for."""
 
 
 @dataclass(frozen=True)
@@ -64,23 +63,26 @@ def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Reco
     `foldovers` of the result counts the triangles that the moves turned over. Raises `InputError`, naming the
     curve, control point or patch, for what does not exist or cannot move.
     """
+    made_of = image.recoloring
+    original = made_of.original if made_of else image
+    shifts = made_of.shifts.copy() if made_of else np.zeros((len(image.labels), 3), np.int64)
     if moves:
-        image = _moved(image, moves)
+        original = _moved(original, moves)
     for number, recolor in enumerate(recolors):
         with pointing_at(f"recolors/{number}"):
-            image = _recolored(image, recolor)
-    return image
+            shifts[_checked_patch(image, recolor.patch)] = _shift_towards(original, recolor)
+    return recolored(original, shifts)
 
 
 def mean_color(image: VectorImage, patch: int) -> Floats:
     """Mean sRGB colour `(3,)` in [0, 1] of a patch, over its area."""
-    weights, own_points = _mean_weights(image, _checked_patch(image, patch))
-    return np.asarray(weights @ np.concatenate([image.boundary_colors, image.point_colors[own_points]]))
+    weights, colors = _mean_weights(image, _checked_patch(image, patch))
+    return np.asarray(weights @ colors)
 
 
-def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Ints]:
-    """How much each colour, `(b + k,)`, counts in the mean of a patch: those along all curves, then those of
-    its k control points, and which points these are."""
+def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Floats]:
+    """How much each colour, `(b + k,)`, counts in the mean of a patch, and the colours `(b + k, 3)`: those
+    along all curves, then those of its k control points."""
     canvas, own_points = _patch_canvas(image.canvas, patch)
     drawing = canvas.drawing(flatness=np.inf)
     operator, corner_color = canvas.operator(drawing)
@@ -88,7 +90,8 @@ def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Ints]:
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     area = np.abs(ux * vy - uy * vx)
     of_corner = np.bincount(corner_color.ravel(), np.repeat(area / (3 * area.sum()), 3), operator.shape[0])
-    return np.asarray(operator.T @ of_corner), own_points
+    colors = np.concatenate([image.boundary_colors, image.point_colors[own_points]])
+    return np.asarray(operator.T @ of_corner), colors
 
 
 def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
@@ -163,71 +166,28 @@ def _keep_frame_straight(network: Network, foundation: Foundation, control_point
         control_points[own] = straight_line(ends[0], ends[1], curve.segments)
 
 
-def _recolored(image: VectorImage, recolor: Recolor) -> VectorImage:
-    """Shift all colours of a patch alike; coordinates sum to one, so the shift is the same everywhere.
+def _shift_towards(original: VectorImage, recolor: Recolor) -> Ints:
+    """The shift `(3,)`, in steps, that brings the mean colour of a patch closest to the one asked for.
 
-    A neighbour keeps its colours: the soft curves between them, which share theirs, become hard. Colours stay
-    in gamut, where those that would leave it shift the others further.
+    Coordinates sum to one, so colours that are shifted alike shift the patch by as much everywhere; those
+    that would leave the gamut stay at its edge, and the others are shifted further.
     """
     target = np.array(recolor.color, np.float64)
     if target.shape != (3,) or not ((target >= 0) & (target <= 1)).all():
         raise InputError(f"patch {recolor.patch} cannot have colour {recolor.color}", code="bad-color")
-    _checked_patch(image, recolor.patch)
-    image = _with_hard_border(image, recolor.patch)
-    weights, own_points = _mean_weights(image, recolor.patch)
-    own_boundary = _boundary_unknowns(image.foundation, recolor.patch)
-    weights = np.concatenate([weights[own_boundary], weights[len(image.boundary_colors) :]])
-    colors = np.concatenate([image.boundary_colors[own_boundary], image.point_colors[own_points]])
-    shifted = np.stack([_shifted(colors[:, k], weights, target[k]) for k in range(3)], axis=1)
-    boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
-    boundary_colors[own_boundary] = shifted[: len(own_boundary)]
-    point_colors[own_points] = shifted[len(own_boundary) :]
-    edited = replace(image, boundary_colors=boundary_colors, point_colors=point_colors, report=None)
-    return edited.knowing(image.canvas)
+    weights, colors = _mean_weights(original, recolor.patch)
+    return np.array([_shift_to_mean(colors[:, k], weights, target[k]) for k in range(3)])
 
 
-def _shifted(values: Floats, weights: Floats, mean: float) -> Floats:
-    """Values `(n,)` shifted alike, and kept in [0, 1], so that their weighted mean is this one."""
-    shift = float(mean - weights @ values)
-    if (values + shift).min() >= 0 and (values + shift).max() <= 1:
-        return np.asarray(values + shift)
-    low, high = -1.0, 1.0
-    for _ in range(BISECTIONS):
-        shift = (low + high) / 2
-        low, high = (shift, high) if weights @ np.clip(values + shift, 0, 1) < mean else (low, shift)
-    return np.clip(values + high, 0, 1)
+def _shift_to_mean(values: Floats, weights: Floats, mean: float) -> int:
+    """The shift after which values `(n,)` have the weighted mean closest to this one."""
 
+    def off(shift: int) -> float:
+        return round(float(weights @ shifted(values, shift)) - mean, 9)
 
-def _with_hard_border(image: VectorImage, patch: int) -> VectorImage:
-    """The same picture with two sets of colours on every curve between a patch and its neighbours."""
-    curves = image.network.curves
-    hard = image.hard | np.array([patch in (c.left, c.right) and not c.on_frame for c in curves])
-    if np.array_equal(hard, image.hard):
-        return image
-    space = color_space(image.network, hard)
-    foundation = replace(image.foundation, hard=hard, space=space)
-    boundary_colors = _renumbered(image.boundary_colors, image.foundation.space, space)
-    edited = replace(image, hard=hard, boundary_colors=boundary_colors)
-    return edited.knowing(replace(image.canvas, foundation=foundation))
-
-
-def _renumbered(colors: Floats, old: ColorSpace, new: ColorSpace) -> Floats:
-    result = np.zeros((new.size, 3))
-    inside = new.of_control >= 0
-    result[new.of_control[inside]] = colors[old.of_control[inside]]
-    return result
-
-
-def _boundary_unknowns(foundation: Foundation, patch: int) -> Ints:
-    """The colours of a patch's side of its curves."""
-    offsets, of_control = foundation.samples.offsets, foundation.space.of_control
-    own = [
-        of_control[side, offsets[c] : offsets[c + 1]]
-        for c, curve in enumerate(foundation.network.curves)
-        for side, region in ((RIGHT, curve.right), (LEFT, curve.left))
-        if region == patch
-    ]
-    return np.unique(np.concatenate(own))
+    shifts = range(1 - FULL_SHIFT, FULL_SHIFT)
+    enough = shifts.start + bisect_left(shifts, 0.0, key=off)
+    return min(enough - 1, enough, key=lambda shift: abs(off(shift)))
 
 
 def _patch_canvas(canvas: Canvas, patch: int) -> tuple[Canvas, Ints]:

@@ -20,6 +20,7 @@ from gcvec.quantization import Quantization
 
 if TYPE_CHECKING:
     from gcvec.metrics import Report
+    from gcvec.recoloring import Recoloring
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,6 +44,7 @@ class VectorImage:
     labels           the label of each patch
     quantization     the steps in which its file stores all this
     control_points   (c, 2) float64, control points of all curves after an edit; None: those of the network
+    recoloring       what the colours were made of where patches were recoloured; None: they were not
     """
 
     network: Network
@@ -53,6 +55,7 @@ class VectorImage:
     labels: tuple[str, ...]
     quantization: Quantization = field(default_factory=Quantization)
     control_points: Floats | None = None
+    recoloring: Recoloring | None = None
     warnings: tuple[str, ...] = ()
     report: Report | None = field(default=None)
 

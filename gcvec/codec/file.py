@@ -55,6 +55,7 @@ from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundati
 from gcvec.patches.color_space import LEFT, RIGHT
 from gcvec.plain_text import plain_text
 from gcvec.quantization import Quantization
+from gcvec.recoloring import FULL_SHIFT, recolored
 from gcvec.vector_image import VectorImage
 
 Floats = NDArray[np.float64]
@@ -64,9 +65,13 @@ GRAY = 0.5
 """The colour that boundary colours are differences from."""
 
 MAGIC = b"GCV"
-VERSION = 3
-READABLE = 2, 3
-"""Files of version 2 hold the same; they were drawn with colours that differ a little between samples."""
+VERSION, VERSION_RECOLORED = 3, 4
+READABLE = 2, VERSION, VERSION_RECOLORED
+"""Only files with recoloured patches need version 4. Those of version 2 hold the same as those of version 3;
+they were drawn with colours that differ a little between samples."""
+
+MOVED, RECOLORED = 1, 2
+"""Edits of a picture, as the header names them."""
 
 
 def encode(image: VectorImage) -> bytes:
@@ -75,16 +80,23 @@ def encode(image: VectorImage) -> bytes:
 
 
 def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
-    """The file of a vector image, and its boundary and point colours as a decoder will see them."""
+    """The file of a vector image, and its boundary and point colours as a decoder will see them: those of
+    before where patches were recoloured."""
+    recoloring = image.recoloring
+    if recoloring:
+        image = recoloring.original
     capacity = (1 << 16) + 4 * len(image.points)
     while True:
         coder = range_coder.writer(capacity)
         boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
-        n_text, n_points = _write(coder, image, boundary_colors, point_colors)
+        n_text, n_points = _write(
+            coder, image, boundary_colors, point_colors, recoloring.shifts if recoloring else None
+        )
         stream = range_coder.finish(coder)
         if stream is not None:
             stream = stream.ljust(shortest_stream(image.width, image.height, n_points, n_text), b"\0")
-            return sealed(stream), boundary_colors, point_colors
+            version = VERSION_RECOLORED if recoloring else VERSION
+            return sealed(stream, version), boundary_colors, point_colors
         capacity *= 4
 
 
@@ -105,25 +117,25 @@ def decode(data: bytes) -> VectorImage:
         raise InputError("the file is damaged or cut short", code="broken-gcv")
     coder = range_coder.reader(data[8:])
     try:
-        return _read(coder, len(data) - 8)
+        return _read(coder, data[3], len(data) - 8)
     except (ValueError, IndexError, RuntimeError, OverflowError) as problem:
         raise InputError(f"the file is damaged: {problem}", code="broken-gcv") from problem
 
 
 def _write(
-    coder: Coder, image: VectorImage, boundary_colors: Floats, point_colors: Floats
+    coder: Coder, image: VectorImage, boundary_colors: Floats, point_colors: Floats, shifts: Ints | None
 ) -> tuple[int, int]:
-    """Write everything; the colours become what a decoder sees.
+    """Write everything, `shifts` `(p, 3)` of colours too; the colours become what a decoder sees.
 
     Returns how many bytes of labels, and how many curves and control points.
     """
     network, steps = image.network, image.quantization
     sizes = [network.width, network.height, network.n_nodes, len(network.curves), len(network.loops)]
     text = np.frombuffer(json.dumps(image.labels, ensure_ascii=False).encode(), np.uint8).astype(np.int64)
-    edited = image.control_points is not None
+    edits = (0 if image.control_points is None else MOVED) + (0 if shifts is None else RECOLORED)
     if len(text) >> LONGEST:
         raise InputError(f"labels of {len(text)} bytes are too long for a file", code="labels-too-long")
-    _code_sizes(coder, np.array([*sizes, *astuple(steps), edited, len(text)]))
+    _code_sizes(coder, np.array([*sizes, *astuple(steps), edits, len(text)]))
     code_text(coder, fresh_model(TEXT_COUNTERS, TEXT_ROWS, TEXT_INPUTS), text)
     table = np.array(
         [
@@ -142,16 +154,19 @@ def _write(
     occupied[image.points[:, 1], image.points[:, 0]] = 1
     _code_occupancy(coder, occupied)
     _code_points(coder, image.canvas, steps, image.points, occupied, boundary_colors, point_colors)
+    if shifts is not None:
+        _code_shifts(coder, shifts)
     return len(text), len(table) + len(reference) + len(image.points)
 
 
-def _read(coder: Coder, length: int) -> VectorImage:
+def _read(coder: Coder, version: int, length: int) -> VectorImage:
     """Read everything; `length` is that of the stream, which bounds what may be in it."""
     sizes = np.zeros(10, np.int64)
     _code_sizes(coder, sizes)
     width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
     steps = Quantization(*(int(n) for n in sizes[5:8]))
-    edited = bool(sizes[8])
+    edits = int(sizes[8])
+    demand(0 <= edits <= MOVED + (RECOLORED if version == VERSION_RECOLORED else 0), "unknown edits")
     limits.check_sizes(width, height, n_nodes, n_curves, n_patches, length)
     limits.check_steps(steps)
     labels = _read_labels(coder, int(sizes[9]), n_patches, length)
@@ -160,7 +175,7 @@ def _read(coder: Coder, length: int) -> VectorImage:
     limits.check_topology(table, n_nodes, n_patches, length)
     curves = _geometry_model()
     reference = _read_positions(coder, curves, table, steps, width, height)
-    moved = _read_positions(coder, curves, table, steps, width, height) if edited else None
+    moved = _read_positions(coder, curves, table, steps, width, height) if edits & MOVED else None
     network = _network(width, height, n_nodes, n_patches, table, reference)
     hard = table[:, HARD].astype(bool)
     foundation = lay_foundation(network, hard, moved)
@@ -181,7 +196,13 @@ def _read(coder: Coder, length: int) -> VectorImage:
     _code_points(coder, canvas, steps, points, occupied, boundary_colors, point_colors)
     _check_whole(coder)
     image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
-    return image.knowing(canvas)
+    image = image.knowing(canvas)
+    if not edits & RECOLORED:
+        return image
+    shifts = np.zeros((n_patches, 3), np.int64)
+    _code_shifts(coder, shifts)
+    _check_whole(coder)
+    return recolored(image, shifts)
 
 
 def _check_whole(coder: Coder) -> None:
@@ -213,6 +234,27 @@ def _geometry_model() -> Model:
 
 def _code_occupancy(coder: Coder, occupied: NDArray[np.uint8]) -> None:
     code_occupancy(coder, fresh_model(OCCUPANCY_COUNTERS, OCCUPANCY_ROWS, OCCUPANCY_INPUTS), occupied)
+
+
+def _code_shifts(coder: Coder, shifts: Ints) -> None:
+    """Write what recolours add to the colours `(p, 3)` of each patch, or read it into zeros.
+
+    Only patches that are shifted are there: each with how many before it are not, since the last one.
+    """
+    model = fresh_model(SEQUENCE_COUNTERS, SEQUENCE_ROWS, SEQUENCE_INPUTS)
+    patches = np.flatnonzero(shifts.any(axis=1))
+    count = np.array([len(patches)])
+    code_sequence(coder, model, count)
+    demand(0 <= count[0] <= len(shifts), "an impossible number of recolours")
+    rows = np.zeros((int(count[0]), 4), np.int64)
+    rows[: len(patches), 0] = np.diff(patches, prepend=-1) - 1
+    rows[: len(patches), 1:] = shifts[patches]
+    for row in rows:
+        code_sequence(coder, model, row)
+    patches = np.cumsum(rows[:, 0] + 1) - 1
+    demand((rows[:, 0] >= 0).all() and (patches < len(shifts)).all(), "a recolour of an unknown patch")
+    demand((np.abs(rows[:, 1:]) <= FULL_SHIFT).all(), "an impossible recolour")
+    shifts[patches] = rows[:, 1:]
 
 
 def _read_labels(coder: Coder, n_bytes: int, n_patches: int, length: int) -> tuple[str, ...]:

@@ -112,9 +112,8 @@ def plain_sign(value: int) -> int:
     return 0 if value == 0 else 1 if value > 0 else 2
 
 
-def plain_sequence(decoder: PlainDecoder, count: int) -> list[int]:
-    """The integers at the beginning of a file."""
-    model = PlainModel(inputs=2)
+def plain_sequence(decoder: PlainDecoder, count: int, model: PlainModel) -> list[int]:
+    """Integers as those at the beginning of a file."""
     values = [0]
     for i in range(count):
         sizes = [("place", min(i, 15)), ("before", min(plain_class(abs(values[-1])), 63))]

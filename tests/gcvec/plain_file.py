@@ -76,11 +76,12 @@ def held(value: int) -> int:
 class PlainFile:
     """What a file says about a picture.
 
-    reference, moved  control points of each curve in pixels; `moved` is None unless the picture was edited
+    reference, moved  control points of each curve in pixels; `moved` is None unless they were moved
     boundary_colors   coordinates of the control points of each side in the picture, by curve and "right" or
                       "left"
     points            pixels (x, y) of interior control points
-    decoder           stands before their colours
+    edits             1 if curves were moved, plus 2 if patches were recoloured
+    decoder           stands before the colours of points
     """
 
     width: int
@@ -94,22 +95,35 @@ class PlainFile:
     moved: list[list[list[float]]] | None
     boundary_colors: dict[tuple[int, str], list[Color]]
     points: list[tuple[int, int]]
+    edits: int
     decoder: PlainDecoder
 
     def point_colors(self, patch_of_points: Sequence[int]) -> list[Color]:
         return plain_point_colors(self.decoder, self.points, patch_of_points, self.width)
 
+    def recolors(self) -> dict[int, list[int]]:
+        """The shift of each recoloured patch; only after the colours of points."""
+        if not self.edits & 2:
+            return {}
+        model = PlainModel(inputs=2)
+        patch, found = -1, {}
+        for _ in range(plain_sequence(self.decoder, 1, model)[0]):
+            passed_over, *shift = plain_sequence(self.decoder, 4, model)
+            patch += passed_over + 1
+            found[patch] = shift
+        return found
+
 
 def plain_file(data: bytes) -> PlainFile:
     decoder = PlainDecoder(data[8:])
-    width, height, _, n_curves, n_patches, position_bits, boundary_step, point_step, edited, n_text = (
-        plain_sequence(decoder, 10)
+    width, height, _, n_curves, n_patches, position_bits, boundary_step, point_step, edits, n_text = (
+        plain_sequence(decoder, 10, PlainModel(inputs=2))
     )
     labels = json.loads(plain_text(decoder, n_text).decode())
     curves = plain_topology(decoder, n_curves)
     model = PlainModel(inputs=3)
     reference = plain_control_points(decoder, model, curves, position_bits)
-    moved = plain_control_points(decoder, model, curves, position_bits) if edited else None
+    moved = plain_control_points(decoder, model, curves, position_bits) if edits & 1 else None
     boundary_colors = plain_boundary_colors(decoder, curves, n_patches)
     bitmap = plain_bitmap(decoder, height, width)
     points = [(x, y) for y in range(height) for x in range(width) if bitmap[y][x]]
@@ -125,6 +139,7 @@ def plain_file(data: bytes) -> PlainFile:
         moved,
         boundary_colors,
         points,
+        edits,
         decoder,
     )
 

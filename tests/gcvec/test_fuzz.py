@@ -14,11 +14,12 @@ import pytest
 from numpy.typing import NDArray
 
 from gcvec import InputError
-from gcvec.codec.file import decode, encode, sealed
+from gcvec.codec.file import VERSION_RECOLORED, decode, encode, sealed
 from gcvec.codec.integers import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
 from gcvec.codec.mixing import fresh_model
 from gcvec.codec.range_coder import finish, writer
 from gcvec.codec.text import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
+from gcvec.edit import Recolor, edit
 from tests.gcvec.scenes import vectorized
 
 FILES = 10_000
@@ -35,7 +36,9 @@ Mutation = Callable[[np.random.Generator, bytes], bytes]
 @cache
 def streams() -> list[bytes]:
     """The streams of some whole files: what follows their checksum."""
-    return [encode(vectorized(scene))[8:] for scene in SCENES]
+    images = [vectorized(scene) for scene in SCENES]
+    images.append(edit(images[-1], recolors=[Recolor(1, (0.2, 0.5, 0.9))]))
+    return [encode(image)[8:] for image in images]
 
 
 def with_changed_bytes(rng: np.random.Generator, stream: bytes) -> bytes:
@@ -63,7 +66,7 @@ def padded(rng: np.random.Generator, stream: bytes) -> bytes:
 
 
 def spliced(rng: np.random.Generator, stream: bytes) -> bytes:
-    return cut(rng, stream) + streams()[rng.integers(len(SCENES))][rng.integers(0, 60) :]
+    return cut(rng, stream) + streams()[rng.integers(len(streams()))][rng.integers(0, 60) :]
 
 
 def noise(rng: np.random.Generator, stream: bytes) -> bytes:
@@ -115,12 +118,16 @@ def refused(data: bytes) -> bool:
 def test_ten_thousand_broken_files_do_no_harm() -> None:
     rng = np.random.default_rng(20)
     for stream in streams():
-        assert not refused(sealed(stream))
+        assert not refused(sealed(stream, VERSION_RECOLORED))
     outcomes = {True: 0, False: 0}
     for i in range(FILES):
         mutation = MUTATIONS[i % len(MUTATIONS)]
-        stream = mutation(rng, streams()[rng.integers(len(SCENES))])
-        data = sealed(stream) if i % 10 else rng.bytes(4) + sealed(stream)[4:]
+        stream = mutation(rng, streams()[rng.integers(len(streams()))])
+        data = (
+            sealed(stream, VERSION_RECOLORED)
+            if i % 10
+            else rng.bytes(4) + sealed(stream, VERSION_RECOLORED)[4:]
+        )
         before = _peak_memory()
         start = time.thread_time()
         outcomes[refused(data)] += 1

@@ -7,6 +7,7 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from gcvec import VectorImage
@@ -15,9 +16,13 @@ from gcvec.codec.file import encode
 DATA = Path(__file__).parent.parent / "data"
 
 
-def test_the_golden_file_holds_its_picture() -> None:
-    image = VectorImage.load(DATA / "leaf.gcv")
-    with Image.open(DATA / "leaf.png") as picture:
+both = pytest.mark.parametrize("name", ["leaf", "recolored"])
+
+
+@both
+def test_the_golden_file_holds_its_picture(name: str) -> None:
+    image = VectorImage.load(DATA / f"{name}.gcv")
+    with Image.open(DATA / f"{name}.png") as picture:
         expected = np.asarray(picture.convert("RGB"), np.int64)
     assert np.abs(image.render() - expected).max() <= 1
 
@@ -34,8 +39,16 @@ def test_the_golden_file_has_every_feature() -> None:
     assert image.foldovers == 0
 
 
-def test_the_golden_file_is_written_again_byte_by_byte() -> None:
-    data = (DATA / "leaf.gcv").read_bytes()
+def test_the_recolored_golden_file_has_hardened_curves() -> None:
+    image = VectorImage.load(DATA / "recolored.gcv")
+    assert image.recoloring is not None
+    assert image.hard.sum() > image.recoloring.original.hard.sum()
+    assert len(image.points) > 20
+
+
+@both
+def test_the_golden_file_is_written_again_byte_by_byte(name: str) -> None:
+    data = (DATA / f"{name}.gcv").read_bytes()
     assert encode(VectorImage.from_bytes(data)) == data
 
 

@@ -11,7 +11,7 @@ from gcvec.codec.integers import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_RO
 from gcvec.codec.mixing import fresh_model
 from gcvec.codec.range_coder import finish, overrun, reader, writer
 from gcvec.codec.text import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
-from tests.gcvec.plain_decoder import PlainDecoder, plain_sequence, plain_text
+from tests.gcvec.plain_decoder import PlainDecoder, PlainModel, plain_sequence, plain_text
 
 LARGEST = 2**24 - 1
 
@@ -27,7 +27,7 @@ def test_a_sequence_is_read_as_it_was_written(values: list[int]) -> None:
     coder, read = reader(data), np.zeros(len(values), np.int64)
     code_sequence(coder, fresh_model(SEQUENCE_COUNTERS, SEQUENCE_ROWS, SEQUENCE_INPUTS), read)
     assert read.tolist() == values
-    assert plain_sequence(PlainDecoder(data), len(values)) == values
+    assert plain_sequence(PlainDecoder(data), len(values), PlainModel(inputs=2)) == values
     assert overrun(coder) == 0
 
 

@@ -15,20 +15,23 @@ from gcvec.patches.color_space import LEFT, RIGHT
 from tests.gcvec.plain_file import PlainFile, plain_file
 from tests.gcvec.scenes import vectorized
 
-LEAF = Path(__file__).parents[2] / "data" / "leaf.gcv"
+DATA = Path(__file__).parents[2] / "data"
+GOLDEN = "leaf", "recolored"
 
 
 @cache
 def file_of(name: str) -> bytes:
-    return LEAF.read_bytes() if name == "leaf" else encode(vectorized(name))
+    return (DATA / f"{name}.gcv").read_bytes() if name in GOLDEN else encode(vectorized(name))
 
 
 @cache
 def both(name: str) -> tuple[VectorImage, PlainFile]:
-    return decode(file_of(name)), plain_file(file_of(name))
+    """The picture of before, where patches were recoloured, and what the file says."""
+    image = decode(file_of(name))
+    return image.recoloring.original if image.recoloring else image, plain_file(file_of(name))
 
 
-every = pytest.mark.parametrize("name", ["leaf", "nested", "needles"])
+every = pytest.mark.parametrize("name", [*GOLDEN, "nested", "needles"])
 
 
 @every
@@ -46,7 +49,7 @@ def test_control_points_are_as_the_format_says(name: str) -> None:
     image, plain = both(name)
     reference = np.concatenate([curve.control_points for curve in image.network.curves])
     np.testing.assert_array_equal(np.concatenate(plain.reference), reference)
-    assert (plain.moved is None) == (image.control_points is None) == (name != "leaf")
+    assert (plain.moved is None) == (image.control_points is None) == (name not in GOLDEN)
     if plain.moved is not None:
         np.testing.assert_array_equal(np.concatenate(plain.moved), image.control_points)
 
@@ -73,6 +76,33 @@ def test_points_and_their_colors_are_as_the_format_says(name: str) -> None:
     assert len(coordinates) > 20
     colors = base + from_coordinates(coordinates, image.quantization.point)
     np.testing.assert_array_equal(colors, image.point_colors)
+
+
+def test_recolors_are_as_the_format_says() -> None:
+    image, plain = decode(file_of("recolored")), plain_file(file_of("recolored"))
+    assert image.recoloring is not None
+    original = image.recoloring.original
+    patch_of_points = image.patch_of_points
+    plain.point_colors(patch_of_points.tolist())
+    recolors = plain.recolors()
+    assert len(recolors) == 2
+    for patch in range(len(image.labels)):
+        own = patch_of_points == patch
+        expected = original.point_colors[own]
+        if patch in recolors:
+            expected = np.clip(expected + np.array(recolors[patch]) / 4080, 0, 1)
+        np.testing.assert_array_equal(image.point_colors[own], expected)
+    offsets = image.foundation.samples.offsets
+    for (c, name), coordinates in plain.boundary_colors.items():
+        curve, side = plain.curves[c], RIGHT if name == "right" else LEFT
+        patch = curve.right if name == "right" else curve.left
+        expected = GRAY + from_coordinates(np.array(coordinates), image.quantization.boundary)
+        if patch in recolors:
+            expected = np.clip(expected + np.array(recolors[patch]) / 4080, 0, 1)
+        own = image.foundation.space.of_control[side, offsets[c] : offsets[c + 1]]
+        np.testing.assert_array_equal(image.boundary_colors[own], expected)
+        recolored = not curve.on_frame and bool({curve.left, curve.right} & recolors.keys())
+        assert image.hard[c] == (bool(curve.hard) or recolored)
 
 
 def test_coordinates_mean_the_colors_that_the_format_says() -> None:
