@@ -26,9 +26,9 @@ from PIL import Image
 from service.broker import private_broker, wait_until_ready
 from tests.event_stream import events_of
 from tests.waiting import within
-from worker.app import QUEUES
 from worker.job import Job
 from worker.process import die_with
+from worker.queues import TAKEN_ALONG
 from worker.records import JobRecords, connect
 from worker.storage import Manifest, open_store, read_manifest
 
@@ -145,7 +145,7 @@ class Fleet:
     def start_worker(
         self,
         *,
-        queues: Sequence[str] = QUEUES,
+        queues: Sequence[str] = tuple(TAKEN_ALONG),
         concurrency: int = 1,
         largest_file: int | None = None,
         ready: bool = True,

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from worker.app import JOBS_QUEUE, QUEUES
+from worker.queues import JOBS_QUEUE, TAKEN_ALONG
 from worker.settings import Settings
 
 ROOT = Path(__file__).parents[1]
@@ -143,7 +143,7 @@ def test_workers_have_what_their_work_needs() -> None:
         caches = re.findall(r"NUMBA_CACHE_DIR=(\S+)", (ROOT / "Dockerfile").read_text())
         assert [environment["NUMBA_CACHE_DIR"]] == caches
         assert any(Path(caches[0]).is_relative_to(mount["mountPath"]) for mount in found["volumeMounts"])
-    assert sorted(queues) == sorted(QUEUES)
+    assert sorted(queues) == sorted(TAKEN_ALONG)
     limit = container("worker")["resources"]["limits"]["memory"]
     assert float(limit.removesuffix("Gi")) * 2**30 > int(config["GCVEC_JOB_MEMORY_BYTES"])
     assert pod("worker")["spec"]["terminationGracePeriodSeconds"] > int(config["GCVEC_JOB_SECONDS"])

@@ -14,29 +14,8 @@ from kombu import Exchange, Queue
 from gcvec.parallel import use_workers
 from worker import logs, tracing
 from worker.process import die_with, give_way
+from worker.queues import JOBS_QUEUE, QUEUES, ROUTES, TAKEN_ALONG
 from worker.settings import Settings, get_settings
-
-JOBS_QUEUE: Final = "gcvec-jobs"
-"""Jobs: they run for seconds to minutes."""
-SHORT_QUEUE: Final = "gcvec-short"
-"""Exports, edits and removals: somebody waits for them, so they do not wait behind jobs."""
-PARTS_QUEUE: Final = "gcvec-parts"
-"""Invitations to take part in a job: for the workers of jobs, which take none while jobs wait."""
-HOOKS_QUEUE: Final = "gcvec-webhooks"
-"""Calls to webhooks: they wait for strangers, so nothing of ours waits behind them."""
-QUEUES: Final = (JOBS_QUEUE, SHORT_QUEUE, HOOKS_QUEUE)
-"""Those that workers are told to serve; who serves jobs takes invitations too."""
-
-VECTORIZE: Final = "gcvec.vectorize"
-ASSIST: Final = "gcvec.assist"
-EXPORT: Final = "gcvec.export"
-EDIT: Final = "gcvec.edit"
-REMOVE: Final = "gcvec.remove"
-TIDY: Final = "gcvec.tidy"
-DELIVER: Final = "gcvec.deliver"
-ROUTES: Final = {VECTORIZE: JOBS_QUEUE, ASSIST: PARTS_QUEUE, DELIVER: HOOKS_QUEUE} | dict.fromkeys(
-    (EXPORT, EDIT, REMOVE, TIDY), SHORT_QUEUE
-)
 
 _HARD_LIMIT_MARGIN: Final = 60.0
 
@@ -50,7 +29,7 @@ def create_celery(settings: Settings) -> Celery:
     )
     hard_limit = settings.job_seconds + _HARD_LIMIT_MARGIN
     app.conf.update(
-        task_queues=[Queue(name, Exchange(name), routing_key=name) for name in (*QUEUES, PARTS_QUEUE)],
+        task_queues=[Queue(name, Exchange(name), routing_key=name) for name in QUEUES],
         task_default_queue=JOBS_QUEUE,
         task_routes={task: {"queue": queue} for task, queue in ROUTES.items()},
         task_ignore_result=True,
@@ -95,8 +74,11 @@ def _begin(sender: Any, **_: Any) -> None:
     """
     tracing.start("gcvec-worker")
     queues = sender.app.amqp.queues
+    for own, besides in TAKEN_ALONG.items():
+        if own in queues.consume_from:
+            for queue in besides:
+                queues.select_add(queues[queue])
     if JOBS_QUEUE in queues.consume_from:
-        queues.select_add(queues[PARTS_QUEUE])
         from gcvec.warm_up import warm_up
 
         warm_up()

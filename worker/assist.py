@@ -14,11 +14,12 @@ import redis
 from obstore.exceptions import BaseError
 
 from worker import logs, storage
-from worker.app import ASSIST, JOBS_QUEUE, app
+from worker.app import app
 from worker.attempt import RENEW_SECONDS
 from worker.claims import NOTHING, claim_part, end_part, renew_part
 from worker.job import Job
 from worker.keeper import Keeper, StopError
+from worker.queues import ASSIST, JOBS_QUEUE
 from worker.records import JobRecords
 from worker.workshop import Workshop, workshop
 

@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 
 REPORT_SECONDS: Final = 0.2
 RENEW_SECONDS: Final = 1.0
-GRACE_SECONDS: Final = 20.0
+GRACE_SECONDS: Final = 2.0
 
 
 class Attempt(Keeper):

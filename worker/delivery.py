@@ -8,8 +8,9 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from worker import logs
-from worker.app import DELIVER, app
+from worker.app import app
 from worker.job import Job
+from worker.queues import DELIVER
 from worker.webhooks import (
     DELIVERIES,
     UnsafeTargetError,

@@ -22,10 +22,11 @@ from gcvec.parts.messages import DamagedPartError, PartRequest, PartResult, requ
 from gcvec.parts.part import refine_part
 from gcvec.refinement.scene import Step
 from worker import storage
-from worker.app import ASSIST, JOBS_QUEUE, app
+from worker.app import app
 from worker.attempt import Attempt
 from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key
 from worker.job import Job
+from worker.queues import ASSIST, JOBS_QUEUE
 from worker.workshop import Workshop
 
 logger = logging.getLogger(__name__)

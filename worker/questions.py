@@ -1,24 +1,43 @@
 """Short tasks that somebody waits for: the API asks, a worker answers, Redis holds both for a moment.
 
-gcvec:question:KEY   "" while the answer is awaited, then the answer
+gcvec:question:KEY   "" while it waits for a worker, "taken" while one works on it, then the answer
+
+A question that waits is kept up by those who ask, one that is taken by the worker: without them it is gone
+within seconds, so nothing is made that nobody waits for, and what a worker has not survived is asked again.
 """
 
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 import redis
 
 from worker.fields import known_fields
+from worker.keeper import Keeper
 from worker.problems import Problem
-from worker.steps import CHANGES
+from worker.steps import CHANGES, Call
 
 PENDING: Final = ""
-PENDING_SECONDS: Final = 120
-"""A question that nobody answered is forgotten after this time and may be asked again."""
+TAKEN: Final = "taken"
+KEPT_SECONDS: Final = 10.0
+"""A question is gone so long after the last one who kept it up."""
+RENEW_SECONDS: Final = 3.0
 ANSWERED_SECONDS: Final = 30
+
+_TAKE = """
+if redis.call('GET', KEYS[1]) ~= '' then return 0 end
+redis.call('SET', KEYS[1], 'taken', 'PX', ARGV[1])
+return 1
+"""
+
+_WITHDRAW = """
+local text = redis.call('GET', KEYS[1])
+if text ~= '' and text ~= 'taken' then return 0 end
+return redis.call('DEL', KEYS[1])
+"""
 
 
 def question_key(key: str) -> str:
@@ -39,6 +58,30 @@ class Answer:
     def from_json(cls, text: str) -> Answer:
         fields = json.loads(text)
         return cls(fields["value"], fields["problem"] and Problem(**known_fields(Problem, fields["problem"])))
+
+
+def take(key: str) -> Call:
+    """Begin to work on a question; returns 0 if nobody waits for the answer, or another worker is at it."""
+    return Call(_TAKE, (question_key(key),), (int(1000 * KEPT_SECONDS),))
+
+
+def withdraw(key: str) -> Call:
+    """Take a question back that has not been answered; returns 0 if it has."""
+    return Call(_WITHDRAW, (question_key(key),), ())
+
+
+class Hold(Keeper):
+    """Keeps up a question that has been taken."""
+
+    def __init__(self, client: redis.Redis, key: str) -> None:
+        super().__init__("question")
+        self._client = client
+        self._key = question_key(key)
+
+    def _keep(self) -> None:
+        while not self._done.wait(RENEW_SECONDS):
+            with suppress(redis.RedisError):
+                self._client.pexpire(self._key, int(1000 * KEPT_SECONDS))
 
 
 def give(client: redis.Redis, key: str, answer: Answer) -> None:

@@ -1,7 +1,7 @@
 """Exports, edits, removals and tidying up.
 
 The messages of exports and edits are acknowledged when they are taken: one that ends its worker is not given
-to the next. Whoever waits for the answer asks again.
+to the next. Whoever waits for the answer asks again; what nobody waits for is not made.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from obstore.exceptions import BaseError
 
 from gcvec.errors import InputError
 from worker import logs, storage
-from worker.app import EDIT, EXPORT, REMOVE, TIDY, app
+from worker.app import app
 from worker.artifacts import EXPORTS, KINDS
 from worker.orphans import may_judge, remove_orphans
 from worker.problems import input_problem, problem
-from worker.questions import Answer, give, question_key
+from worker.questions import Answer, Hold, give, question_key, take
+from worker.queues import EDIT, EXPORT, REMOVE, TIDY
 from worker.steps import NOT_AWAITED, grow, retire, revise
 from worker.storage import Manifest
 from worker.workshop import Workshop, workshop
@@ -68,7 +69,12 @@ def tidy() -> None:
 def _answer(key: str, job_id: str, work: Callable[[Workshop], Answer]) -> None:
     shop = workshop()
     with logs.about(job_id):
-        give(shop.client, key, _outcome(shop, work))
+        if not shop.records.run(take(key)):
+            logger.info("job %s: nobody waits for this any more", job_id)
+            return
+        with Hold(shop.client, key):
+            answer = _outcome(shop, work)
+        give(shop.client, key, answer)
 
 
 def _outcome(shop: Workshop, work: Callable[[Workshop], Answer]) -> Answer:

@@ -14,7 +14,8 @@ import redis
 from kombu.exceptions import OperationalError
 
 from worker import logs
-from worker.app import DELIVER, HOOKS_QUEUE, JOBS_QUEUE, REMOVE, SHORT_QUEUE, TIDY, VECTORIZE, app
+from worker.app import app
+from worker.queues import DELIVER, HOOKS_QUEUE, JOBS_QUEUE, REMOVE, SHORT_QUEUE, TIDY, VECTORIZE
 from worker.records import JobRecords, connect
 from worker.settings import get_settings
 from worker.steps import ACTIVE, EXPIRY, LEASE_SECONDS, events_key, lease_key, record_key, requeue

@@ -11,12 +11,13 @@ from obstore.exceptions import BaseError
 
 from gcvec.errors import InputError
 from worker import logs, storage
-from worker.app import VECTORIZE, app
+from worker.app import app
 from worker.artifacts import KINDS
 from worker.attempt import Attempt
 from worker.job import Job
 from worker.keeper import StopError
 from worker.problems import Problem, input_problem, problem
+from worker.queues import VECTORIZE
 from worker.steps import claim, finish
 from worker.storage import Manifest, StoredFile
 from worker.workshop import Workshop, workshop

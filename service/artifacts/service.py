@@ -12,8 +12,8 @@ from service.deps import JobDep, Services, ServicesDep
 from service.errors import ProblemError
 from service.quota import require_room
 from worker import storage
-from worker.app import EXPORT
 from worker.job import Job
+from worker.queues import EXPORT
 from worker.storage import Manifest, StoredFile
 
 _EXPORT_SECONDS = 25.0

@@ -25,7 +25,7 @@ from service.broker import private_broker, wait_until_ready
 from service.sockets import listen
 from service.supervisor import Command, Supervisor
 from worker import logs
-from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE
+from worker.queues import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE
 from worker.settings import Settings, get_settings, listing
 
 _READY_SECONDS: Final = 60.0

@@ -18,9 +18,9 @@ from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 
 from worker import logs
-from worker.app import QUEUES
 from worker.job import Job
 from worker.orphans import FOREIGN_STORE
+from worker.queues import QUEUES
 from worker.steps import ACTIVE, CHANGES, STORED, TOTALS, Call, events_key, owner_key, record_key
 
 logger = logging.getLogger(__name__)

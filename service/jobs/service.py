@@ -25,8 +25,8 @@ from service.jobs.schemas import JobView
 from service.jobs.uploads import Upload, check, request_of
 from service.quota import no_room
 from worker import logs, storage
-from worker.app import VECTORIZE
 from worker.job import Job
+from worker.queues import VECTORIZE
 from worker.steps import TOO_MANY_BYTES, TOO_MANY_JOBS, create, discard, finish, retire
 
 logger = logging.getLogger(__name__)

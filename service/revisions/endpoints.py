@@ -12,8 +12,8 @@ from service.errors import ProblemError, documented
 from service.idempotency import IdempotencyKey
 from service.quota import require_room
 from service.revisions.schemas import Edits, RevisionView
-from worker.app import EDIT
 from worker.job import Job
+from worker.queues import EDIT
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["edits"])
 

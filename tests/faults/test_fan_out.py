@@ -15,9 +15,10 @@ import pytest
 
 from tests.fleet import SHORT, Api, Fleet, Process, picture
 from tests.waiting import within
-from worker.app import ASSIST, JOBS_QUEUE, PARTS_QUEUE, VECTORIZE, create_celery
+from worker.app import create_celery
 from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key, renew_part
 from worker.job import Job
+from worker.queues import ASSIST, JOBS_QUEUE, PARTS_QUEUE, VECTORIZE
 from worker.settings import Settings
 from worker.steps import claim, create
 

@@ -22,10 +22,10 @@ from tests.fleet import Fleet, one_region, picture
 from tests.readers import missing
 from tests.uploads import png
 from worker import storage
-from worker.app import SHORT_QUEUE
 from worker.artifacts import KINDS
 from worker.problems import problem
 from worker.produce import produce
+from worker.queues import SHORT_QUEUE
 from worker.settings import Settings
 from worker.steps import claim, finish
 from worker.storage import Manifest

@@ -1,19 +1,22 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
 
+from service import questions
 from service.errors import ProblemError
 from service.jobs.repository import Changes
 from service.jobs.repository import connect as connect_async
 from service.questions import Questions
 from tests.broker import client_of
-from worker.app import EDIT, EXPORT, SHORT_QUEUE, create_celery
+from worker.app import create_celery
 from worker.problems import problem
-from worker.questions import Answer, give, question_key
+from worker.questions import PENDING, TAKEN, Answer, give, question_key
+from worker.queues import EDIT, EXPORT, EXPORTS_QUEUE, SHORT_QUEUE
 from worker.settings import Settings
 
 
@@ -32,25 +35,25 @@ def asking(settings: Settings, work: Callable[[Questions], Awaitable[Any]]) -> A
     return asyncio.run(run())
 
 
-async def answered(settings: Settings, answer: Answer) -> None:
-    await asyncio.sleep(0.3)
+async def answered(settings: Settings, answer: Answer, after: float = 0.3) -> None:
+    await asyncio.sleep(after)
     await asyncio.to_thread(give, client_of(settings.broker_url), "key", answer)
 
 
 def test_however_many_ask_the_work_is_done_once(settings: Settings) -> None:
-    async def many(questions: Questions) -> list[Any]:
-        asked = [questions.ask("key", EXPORT, ["x"], 10) for _ in range(20)]
+    async def many(asker: Questions) -> list[Any]:
+        asked = [asker.ask("key", EXPORT, ["x"], 10) for _ in range(20)]
         *answers, _ = await asyncio.gather(*asked, answered(settings, Answer(5)))
         return answers
 
     assert asking(settings, many) == [Answer(5)] * 20
-    assert client_of(settings.broker_url).llen(SHORT_QUEUE) == 1
+    assert client_of(settings.broker_url).llen(EXPORTS_QUEUE) == 1
 
 
 def test_a_problem_is_raised(settings: Settings) -> None:
-    async def one(questions: Questions) -> None:
+    async def one(asker: Questions) -> None:
         trouble = Answer(problem=problem("unavailable", "no store"))
-        await asyncio.gather(questions.ask("key", EXPORT, [], 10), answered(settings, trouble))
+        await asyncio.gather(asker.ask("key", EXPORT, [], 10), answered(settings, trouble))
 
     with pytest.raises(ProblemError) as caught:
         asking(settings, one)
@@ -59,8 +62,58 @@ def test_a_problem_is_raised(settings: Settings) -> None:
 
 
 def test_an_answer_that_does_not_come_is_not_awaited_for_ever(settings: Settings) -> None:
-    assert asking(settings, lambda questions: questions.ask("key", EXPORT, [], 0.2)) is None
-    assert 0 < client_of(settings.broker_url).ttl(question_key("key")) <= 120
+    assert asking(settings, lambda asker: asker.ask("key", EXPORT, [], 0.2)) is None
+    assert 0 < client_of(settings.broker_url).pttl(question_key("key")) <= 10_000
+
+
+def test_a_question_is_there_while_somebody_waits(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(questions, "_KEPT", 300)
+    monkeypatch.setattr(questions, "RENEW_SECONDS", 0.1)
+    client = client_of(settings.broker_url)
+
+    async def one(asker: Questions) -> None:
+        asked = asyncio.create_task(asker.ask("key", EXPORT, [], 1.5))
+        await asyncio.sleep(1.2)
+        assert client.get(question_key("key")) == PENDING
+        assert await asked is None
+
+    asking(settings, one)
+    assert client.llen(EXPORTS_QUEUE) == 1
+    time.sleep(0.4)
+    assert client.get(question_key("key")) is None
+
+
+def test_what_a_worker_has_not_survived_is_asked_again(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(questions, "RENEW_SECONDS", 0.1)
+    client = client_of(settings.broker_url)
+
+    async def one(asker: Questions) -> Answer | None:
+        asked = asyncio.create_task(asker.ask("key", EXPORT, [], 10))
+        await asyncio.sleep(0.3)
+        client.set(question_key("key"), TAKEN, px=200)
+        answer, _ = await asyncio.gather(asked, answered(settings, Answer(3), after=1.0))
+        return answer
+
+    assert asking(settings, one) == Answer(3)
+    assert client.llen(EXPORTS_QUEUE) == 2
+
+
+def test_an_edit_is_asked_once(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(questions, "RENEW_SECONDS", 0.1)
+    client = client_of(settings.broker_url)
+
+    async def one(asker: Questions) -> Answer | None:
+        asked = asyncio.create_task(asker.ask_alone(EDIT, [], 1.0))
+        await asyncio.sleep(0.3)
+        client.delete(*client.keys(question_key("*")))
+        return await asked
+
+    assert asking(settings, one) is None
+    assert client.llen(SHORT_QUEUE) == 1
 
 
 def test_an_answer_is_read_as_it_was_given() -> None:
@@ -71,11 +124,14 @@ def test_an_answer_is_read_as_it_was_given() -> None:
 def test_who_gives_up_asking_alone_takes_the_question_back(settings: Settings) -> None:
     client = client_of(settings.broker_url)
 
-    async def one(questions: Questions) -> Answer | None:
-        asked = asyncio.create_task(questions.ask_alone(EDIT, ["x"], 1.0))
+    async def one(asker: Questions) -> Answer | None:
+        asked = asyncio.create_task(asker.ask_alone(EDIT, ["x"], 1.0))
         await asyncio.sleep(0.4)
         (key,) = client.keys(question_key("*"))
-        assert 0 < client.pttl(key) < 600  # forgotten by itself, were the asker to die, before it gives up
+        assert 0 < client.pttl(key) <= 10_000  # forgotten by itself, were the asker to die
+        await asyncio.sleep(0.55)
+        assert client.get(key) is None  # so that an answer under way still comes in time
+        assert not asked.done()
         return await asked
 
     assert asking(settings, one) is None

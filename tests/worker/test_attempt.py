@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
 import threading
 import time
 import uuid
@@ -11,7 +14,7 @@ import redis
 from gcvec.progress import Progress
 from tests.broker import client_of
 from tests.waiting import within
-from worker.attempt import REPORT_SECONDS, Attempt
+from worker.attempt import GRACE_SECONDS, REPORT_SECONDS, Attempt
 from worker.job import Job
 from worker.keeper import StopError
 from worker.records import JobRecords, connect
@@ -190,3 +193,27 @@ def test_the_oldest_events_make_room_in_a_long_outage(
         within(10, lambda: client.xlen(events_key(job_id)) == 10)
     kept = [json.loads(entry["data"])["iteration"] for _, entry in client.xrange(events_key(job_id))]
     assert kept == list(range(21, 31))
+
+
+STUCK = """
+import sys, time
+from tests.broker import client_of
+from worker.attempt import Attempt
+from worker.records import JobRecords
+
+url, job_id = sys.argv[1:]
+with Attempt(JobRecords(client_of(url)), job_id, 1, seconds=60, retention=60):
+    print("begun", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_computation_that_does_not_look_up_is_ended(
+    broker_url: str, records: JobRecords, job_id: str
+) -> None:
+    command = (sys.executable, "-c", STUCK, broker_url, job_id)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as stuck:
+        assert stuck.stdout is not None
+        assert stuck.stdout.readline() == "begun\n"
+        assert records.run(finish(job_id, "canceled", retention=60))
+        assert stuck.wait(GRACE_SECONDS + 5) == -signal.SIGKILL

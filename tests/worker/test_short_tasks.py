@@ -12,13 +12,15 @@ from gcvec import vectorize
 from tests.worker.workshops import empty_workshop
 from worker import short_tasks, storage
 from worker.artifacts import KINDS
+from worker.export import load_image
 from worker.job import Job
-from worker.questions import PENDING, Answer, question_key
+from worker.questions import PENDING, TAKEN, Answer, question_key, take, withdraw
 from worker.steps import record_key
 from worker.storage import Manifest
 from worker.workshop import Workshop
 
 KEY = "a-question"
+RED: dict[str, Any] = {"moves": [], "recolors": [{"patch": 0, "color": "#ff0000"}]}
 
 
 @pytest.fixture
@@ -40,9 +42,14 @@ def job_id(shop: Workshop) -> str:
 
 
 def recolor(shop: Workshop, job_id: str) -> Answer:
-    changes: dict[str, Any] = {"moves": [], "recolors": [{"patch": 0, "color": "#ff0000"}]}
-    short_tasks.edit_image(KEY, job_id, 0, changes)
+    short_tasks.edit_image(KEY, job_id, 0, RED)
     return Answer.from_json(str(shop.client.get(question_key(KEY))))
+
+
+def manifest_gcv(shop: Workshop, job_id: str) -> str:
+    manifest = storage.read_manifest(shop.store, job_id)
+    assert manifest is not None
+    return manifest.files["gcv"].path
 
 
 def revisions(shop: Workshop, job_id: str) -> int:
@@ -58,15 +65,15 @@ def test_an_edit_that_is_awaited_is_made(shop: Workshop, job_id: str) -> None:
 
 
 def test_an_edit_that_nobody_waits_for_any_more_is_not_made(shop: Workshop, job_id: str) -> None:
-    problem = recolor(shop, job_id).problem
-    assert problem is not None
-    assert problem.code == "unavailable"
+    short_tasks.edit_image(KEY, job_id, 0, RED)
+    assert shop.client.get(question_key(KEY)) is None
     assert revisions(shop, job_id) == 0
     assert storage.read_manifest(shop.store, job_id, 1) is None
 
 
 def test_a_file_that_was_made_meanwhile_is_not_made_again(shop: Workshop, job_id: str) -> None:
     for _ in range(2):
+        shop.client.set(question_key(KEY), PENDING)
         short_tasks.export_image(KEY, job_id, 0, "svg", 1.0, "image.svg")
         assert Answer.from_json(str(shop.client.get(question_key(KEY)))) == Answer()
     file = storage.read_derived(shop.store, job_id, 0, "image.svg")
@@ -74,6 +81,32 @@ def test_a_file_that_was_made_meanwhile_is_not_made_again(shop: Workshop, job_id
     assert file is not None
     assert job is not None
     assert job.bytes == file.size
+
+
+def test_an_export_that_nobody_waits_for_is_not_made(shop: Workshop, job_id: str) -> None:
+    short_tasks.export_image(KEY, job_id, 0, "svg", 1.0, "image.svg")
+    assert storage.read_derived(shop.store, job_id, 0, "image.svg") is None
+
+
+def test_an_edit_withdrawn_while_it_is_made_is_not_kept(
+    shop: Workshop, job_id: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowly(*_: Any) -> Any:
+        assert shop.client.get(question_key(KEY)) == TAKEN
+        assert shop.records.run(take(KEY)) == 0
+        assert shop.records.run(withdraw(KEY)) == 1
+        return image
+
+    from worker import edit
+
+    image = edit.edited(load_image(shop.store, manifest_gcv(shop, job_id)), RED)
+    monkeypatch.setattr(edit, "edited", slowly)
+    shop.client.set(question_key(KEY), PENDING)
+    problem = recolor(shop, job_id).problem
+    assert problem is not None
+    assert problem.code == "unavailable"
+    assert revisions(shop, job_id) == 0
+    assert shop.records.run(withdraw(KEY)) == 0  # it has been answered
 
 
 def test_a_job_is_said_to_be_removed_once(

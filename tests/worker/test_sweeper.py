@@ -8,8 +8,9 @@ import redis
 
 from tests.broker import client_of
 from worker import sweeper as sweeping
-from worker.app import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE, VECTORIZE, create_celery
+from worker.app import create_celery
 from worker.job import Job
+from worker.queues import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE, VECTORIZE
 from worker.records import JobRecords
 from worker.settings import Settings
 from worker.steps import EXPIRY, claim, create, events_key, finish, lease_key
