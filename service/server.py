@@ -27,11 +27,12 @@ KEEP_ALIVE_SECONDS: Final = 75
 class BoundedHttp(HttpToolsProtocol):
     """uvicorn's fast HTTP, which by itself reads headers without end."""
 
-    _head: int | None = None  # bytes of a request whose headers have not all come
+    _head: int | None = None  # bytes of a request whose headers have not all come, in pieces after its first
+    _began = False  # whether a request did in the piece of data at hand
 
     def on_message_begin(self) -> None:
         super().on_message_begin()
-        self._head = 0
+        self._head, self._began = 0, True
 
     def on_headers_complete(self) -> None:
         self._head = None
@@ -40,8 +41,9 @@ class BoundedHttp(HttpToolsProtocol):
         super().on_headers_complete()
 
     def data_received(self, data: bytes) -> None:
+        self._began = False
         super().data_received(data)
-        if self._head is not None:
+        if self._head is not None and not self._began:
             self._head += len(data)
             if self._head > MOST_HEADER_BYTES and not self.transport.is_closing():
                 self.send_400_response("Headers too large.")

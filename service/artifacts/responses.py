@@ -45,7 +45,7 @@ async def file_response(
         and (link := storage.direct_link(store, file.path, redirect_seconds))
     ):
         return RedirectResponse(link, 307, {"Cache-Control": "no-store"})
-    wanted = _range(request, etag, file.size)
+    wanted = _range(request, etag, file.size) if request.method == "GET" else None
     start, stop = wanted or (0, file.size)
     if wanted is not None:
         common["Content-Range"] = f"bytes {start}-{stop - 1}/{file.size}"

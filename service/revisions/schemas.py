@@ -18,7 +18,7 @@ Shift = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, description
 class Move(BaseModel):
     """Move a control point of a boundary curve. Both patches beside it follow; junctions stay joined."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     curve: Index = Field(description="id of the curve in the patch description")
     index: Index = Field(description="which of its control points")
@@ -29,7 +29,7 @@ class Move(BaseModel):
 class Recolor(BaseModel):
     """Give a patch another colour; its shading stays."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     patch: Index = Field(description="id of the patch in the patch description")
     color: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$", description="#rrggbb")]
@@ -38,7 +38,7 @@ class Recolor(BaseModel):
 class Edits(BaseModel):
     """What is to change, and in which revision: 0 is the original."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     moves: list[Move] = Field(default=[], max_length=_MOST_CHANGES)
     recolors: list[Recolor] = Field(default=[], max_length=_MOST_CHANGES)

@@ -88,8 +88,10 @@ def test_a_range_of_another_version_gets_the_whole(api: httpx.Client, link: str)
         assert answer.status_code == status
 
 
-def test_head_tells_without_sending(api: httpx.Client, link: str) -> None:
-    answer = api.head(link)
+@pytest.mark.parametrize("headers", [{}, {"Range": "bytes=0-3"}, {"Range": "bytes=50-"}])
+def test_head_tells_without_sending(api: httpx.Client, link: str, headers: dict[str, str]) -> None:
+    """Ranges are for GET alone (RFC 9110, 14.2)."""
+    answer = api.head(link, headers=headers)
     assert (answer.status_code, answer.content) == (200, b"")
     assert answer.headers["content-length"] == "10"
     assert answer.headers["accept-ranges"] == "bytes"

@@ -386,6 +386,20 @@ def test_headers_without_end_are_refused(api: httpx.Client, start: bytes, more: 
     assert api.get("/livez", headers={"X": "a" * 60_000}).status_code == 200
 
 
+def test_a_request_behind_a_large_body_is_read(api: httpx.Client) -> None:
+    """Its first bytes come together with the last ones of a body, which are no headers."""
+    large = 200_000
+    head = f"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Length: {large}\r\n\r\n".encode()
+    following = b"GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+    with socket.create_connection((api.base_url.host, api.base_url.port or 0), timeout=10) as connection:
+        connection.sendall(head + bytes(large) + following[:20])
+        time.sleep(0.2)
+        connection.sendall(following[20:])
+        answers = b"".join(iter(lambda: connection.recv(100_000), b""))
+    assert b"Headers too large" not in answers
+    assert answers.count(b"HTTP/1.1 200 ") == 1
+
+
 def test_a_large_document_of_edits_is_refused(api: httpx.Client) -> None:
     body: Any = {"moves": [{"curve": 0, "index": 0, "dx": 0, "dy": 0}] * 40_000}
     refused(api.post(f"/v1/jobs/{'0' * 32}/edits", json=body), 413, "too-large")

@@ -17,6 +17,8 @@ MOVE = {"curve": 0, "index": 1, "dx": 1.5, "dy": 0}
     [
         ({"moves": [{**MOVE, "dx": "wide"}]}, "/body/moves/0/dx"),
         ({"moves": [{**MOVE, "curve": -1}]}, "/body/moves/0/curve"),
+        ({"moves": [{**MOVE, "curve": True}]}, "/body/moves/0/curve"),
+        ({"moves": [{**MOVE, "index": "1"}]}, "/body/moves/0/index"),
         ({"moves": [{**MOVE, "dx": 1e6}]}, "/body/moves/0/dx"),
         ({"recolors": [{"patch": 0, "color": "red"}]}, "/body/recolors/0/color"),
         ({"recolors": [{"patch": 0}]}, "/body/recolors/0/color"),
