@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,33 @@ def test_imports_point_one_way(package: str) -> None:
     files = list((ROOT / package).rglob("*.py"))
     assert files
     assert {str(f): bad for f in files if (bad := imported(f) & FORBIDDEN[package])} == {}
+
+
+def imports_when_loaded(file: Path) -> set[str]:
+    """The modules of the engine that a file imports as soon as it is loaded itself."""
+    nodes = ast.parse(file.read_text()).body
+    names = {
+        f"{node.module}.{alias.name}"
+        for node in nodes
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    return {name for name in names if name.startswith("gcvec.")}
+
+
+def test_packages_of_the_engine_build_on_each_other() -> None:
+    """None needs itself, however far around: each can be read, and tested, with those below it."""
+    engine = ROOT / "gcvec"
+    packages = {folder.name for folder in engine.iterdir() if (folder / "__init__.py").exists()}
+    modules = packages | {file.stem for file in engine.glob("*.py")} - {"__init__"}
+    below: dict[str, set[str]] = {module: set() for module in modules}
+    for file in engine.rglob("*.py"):
+        own = file.relative_to(engine).parts[0].removesuffix(".py")
+        if own in modules:
+            below[own] |= {name.split(".")[1] for name in imports_when_loaded(file)} & modules - {own}
+    assert len(packages) > 10
+    assert sum(map(len, below.values())) > 50
+    TopologicalSorter(below).prepare()  # raises CycleError
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.borders.border import Border, Borders, with_nodes_in_order
-from gcvec.codec.limits import MOST_AT_NODE
+from gcvec.borders.planar_graph import MOST_AT_NODE
 
 Floats = NDArray[np.float64]
 

@@ -20,6 +20,9 @@ from gcvec.kernels import kernel
 
 OUTSIDE = -1
 
+MOST_AT_NODE = 8
+"""Ends of curves that may meet in one node; pixels have four corners, so pictures need four."""
+
 Loop = tuple[tuple[int, bool], ...]
 """A closed walk over arcs, `(arc, forward)`, with the region at the right hand."""
 

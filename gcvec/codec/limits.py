@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.planar_graph import OUTSIDE
+from gcvec.borders.planar_graph import MOST_AT_NODE, OUTSIDE
 from gcvec.codec.topology import END, LEFT_PATCH, LEVEL, RIGHT_PATCH, SEGMENTS, START
 from gcvec.curves.domain import FINEST_LEVEL
 from gcvec.quantization import Quantization
@@ -27,9 +27,6 @@ PIXELS_A_BYTE = 4096
 POINTS_A_BYTE = 2
 TEXT_A_BYTE = 64
 """Curves and control points of all kinds together, and bytes of labels, that one byte of a stream allows."""
-
-MOST_AT_NODE = 8
-"""Ends of curves that may meet in one node; pixels have four corners, so pictures need four."""
 
 
 def shortest_stream(width: int, height: int, n_points: int, n_text: int) -> int:

@@ -24,10 +24,10 @@ from gcvec.greedy.strip import (
     Strip,
     barycentric,
 )
+from gcvec.grouping import rank_in_group
 from gcvec.kernels import bare_kernel
 from gcvec.parallel import in_turn
 from gcvec.patches.mesh import jittered
-from gcvec.refinement.seeding import rank_in_group
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

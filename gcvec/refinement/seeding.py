@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gcvec.grouping import rank_in_group
 from gcvec.kernels import kernel
 from gcvec.smoothing import box_mean, gaussian
 
@@ -61,14 +62,6 @@ def seeds(
     ys, xs = np.nonzero(_diffused(density, blocked))
     points = np.stack([xs, ys], axis=1).astype(np.int64)
     return points[rank_in_group(patch_at[ys, xs]) < max_points] if max_points else points
-
-
-def rank_in_group(group: Ints) -> Ints:
-    """How many equal numbers come before each of `group` `(n,)`."""
-    order = np.argsort(group, kind="stable")
-    rank = np.empty(len(group), np.int64)
-    rank[order] = np.arange(len(group)) - np.searchsorted(group[order], group[order])
-    return rank
 
 
 def expected_points(picture: NDArray[np.floating], target_mse: float) -> Floats:
