@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOST_PIXELS = 2**31
+MOST_DRAWN = 2**31
 """A picture drawn has fewer: their numbers fit into 32 bits."""
 
 BAND = 256
@@ -115,7 +115,7 @@ class VectorImage:
         Every pixel is the average over its square; with `raw` it is the colour at its centre. Raises
         `InputError` ("bad-option") for a scale that is not above 0, or makes too large a picture.
         """
-        if not (scale > 0 and scale * scale * self.width * self.height < MOST_PIXELS):
+        if not (scale > 0 and scale * scale * self.width * self.height < MOST_DRAWN):
             raise InputError(f"cannot draw at scale {scale:g}", code="bad-option", pointer="scale")
         height, width = (max(1, round(n * scale)) for n in (self.height, self.width))
         vertices, triangles, colors, corner_color = self.gouraud(scale)

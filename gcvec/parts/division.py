@@ -13,12 +13,12 @@ from gcvec.curves.loops import network_loops
 from gcvec.curves.network import Curve, Network
 from gcvec.patches.canonical import Foundation
 from gcvec.patches.color_space import color_space
-from gcvec.patches.mesh import COARSEST_LEVEL, FINEST_CELL
+from gcvec.patches.mesh import CELL_LEVELS, FINEST_CELL
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CELL = FINEST_CELL << COARSEST_LEVEL
+CELL = FINEST_CELL << CELL_LEVELS
 """Parts begin at multiples of this many pixels, so that they have the whole picture's free points."""
 
 

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FINEST_CELL = 16
-COARSEST_LEVEL = 4
+CELL_LEVELS = 4
 """Free points stand in the middle of clear quadtree cells of 16 to 256 pixels."""
 
 
@@ -106,21 +106,21 @@ def free_points(sites: Floats, width: int, height: int, origin: tuple[int, int] 
     """
     size = FINEST_CELL
     columns, rows = -(-width // size), -(-height // size)
-    side = 1 << COARSEST_LEVEL
+    side = 1 << CELL_LEVELS
     columns, rows = -(-columns // side) * side, -(-rows // side) * side
     taken: NDArray[np.bool_] = np.zeros((rows, columns), bool)
     x = np.clip((sites[:, 0] // size).astype(np.int64), 0, columns - 1)
     y = np.clip((sites[:, 1] // size).astype(np.int64), 0, rows - 1)
     taken[y, x] = True
     clear = [~dilated_by_square(taken)]
-    for _ in range(COARSEST_LEVEL):
+    for _ in range(CELL_LEVELS):
         taken = np.asarray(taken.reshape(len(taken) // 2, 2, -1, 2).any(axis=(1, 3)))
         clear.append(~dilated_by_square(taken))
     found = []
     parent_clear = np.zeros((0, 0), bool)
-    for level in range(COARSEST_LEVEL, -1, -1):
+    for level in range(CELL_LEVELS, -1, -1):
         here = clear[level]
-        if level < COARSEST_LEVEL:
+        if level < CELL_LEVELS:
             covered = np.repeat(np.repeat(parent_clear, 2, axis=0), 2, axis=1)
             points, parent_clear = here & ~covered, here | covered
         else:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcvec.patches.mesh import COARSEST_LEVEL, FINEST_CELL, build_mesh, free_points, jitter
+from gcvec.patches.mesh import CELL_LEVELS, FINEST_CELL, build_mesh, free_points, jitter
 from tests.gcvec.areas import areas, shoelace
 from tests.gcvec.scenes import SCENES, foundation_of, no_points, some_points
 
@@ -16,7 +16,7 @@ def free_points_slowly(sites: np.ndarray, width: int, height: int) -> set[tuple[
     """The rule, cell by cell: clear cells whose ancestors are not clear, largest first."""
     found: set[tuple[int, int]] = set()
     covered: set[tuple[int, int]] = set()
-    for level in range(COARSEST_LEVEL, -1, -1):
+    for level in range(CELL_LEVELS, -1, -1):
         size = FINEST_CELL << level
         taken = {(int(x // size), int(y // size)) for x, y in sites}
         here = set()
