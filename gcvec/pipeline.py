@@ -80,13 +80,13 @@ def _vectorized(
     tell.regions = len(regions.names)
     scene = _scene(pixels, regions, _reach(annotations, options), clock, tell)
 
-    def refined(target_mse: float) -> _Refined:
+    def run(target_mse: float) -> _Outcome:
         return _refined(scene, replace(options, target_mse=target_mse), crew, clock, tell)
 
     if options.target_bytes:
-        found = refine_to_bytes(refined, options.target_bytes)
+        found = refine_to_bytes(run, options.target_bytes)
     else:
-        found = refined(options.target_mse)
+        found = run(options.target_mse)
     with clock.stage("evaluation"):
         report = compare(pixels, found.image, len(found.data))
     report = replace(
@@ -137,7 +137,7 @@ def _scene(
     return Scene(pixels, foundation, boundary_colors, regions.names)
 
 
-class _Refined(NamedTuple):
+class _Outcome(NamedTuple):
     """The outcome of a run of refinement: a file, what it holds, its error, and in how many iterations each
     region grew."""
 
@@ -147,7 +147,7 @@ class _Refined(NamedTuple):
     iterations: Counter[int]
 
 
-def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageClock, tell: Teller) -> _Refined:
+def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageClock, tell: Teller) -> _Outcome:
     """A scene refined to the target error of the options."""
     batch = options.strategy == "batch"
     steps = Quantization.for_error(options.target_mse)
@@ -167,7 +167,7 @@ def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageCloc
         from gcvec.refinement.paper import refine_paper  # with the sparse solvers, which are slow to load
 
         draft = refine_paper(scene, terms, tell.iteration, clock)
-    return _Refined(draft.data, draft.image, draft.mse, tell.iterations)
+    return _Outcome(draft.data, draft.image, draft.mse, tell.iterations)
 
 
 def _shortfall(report: Report, options: Options) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ def refine_part(
     more = True
     for share in request.shares:
         spare = min(state.spare, MOST_SPARE) if request.rounds else 0.0
-        more = state.turn_over(max(share, spare if spare > LEAST_SPARE else 0.0))
+        more = state.exchange(max(share, spare if spare > LEAST_SPARE else 0.0))
     return _result(request.number, state, steps, more)
 
 

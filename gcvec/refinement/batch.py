@@ -89,11 +89,11 @@ def refine_batch(
             shares = exchanges(terms.effort, len(state.points))
             for n, share in enumerate(shares, start=1):
                 state.left = len(shares) - n
-                more = state.turn_over(share)
+                more = state.exchange(share)
     state.left = 0
     draft = settled()
     if effort.exchanges and state.spare > LEAST_SPARE:
-        more = state.turn_over(min(state.spare, LANDING))
+        more = state.exchange(min(state.spare, LANDING))
         draft = settled()
     for _ in range(RETRIES):
         if draft.mse <= target_mse + state.lack or not more:

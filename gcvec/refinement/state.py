@@ -180,7 +180,7 @@ class Refinement:
             goal, near = (EARLY, EARLY_NEAR) if early and n >= FEW else (1.0, NEAR)
             if self.open_mse <= near * self.aim:
                 return True
-            if not self.turn_over(0.0, growth, self._foreseen(goal * self.aim, growing=True)):
+            if not self._place(0.0, growth, self._foreseen(goal * self.aim, growing=True)):
                 return False
             if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
                 return False
@@ -211,18 +211,20 @@ class Refinement:
 
     def catch_up(self) -> bool:
         """Place the points that are missing. False when no more points help."""
-        return self.turn_over(0.0, expected=self._foreseen(SETTLED * self.aim, growing=False))
+        return self._place(0.0, GROWTH, self._foreseen(SETTLED * self.aim, growing=False))
 
-    def turn_over(self, share: float, growth: float = GROWTH, expected: float | None = None) -> bool:
-        """One round: take out the least useful `share` of the control points, and place as many new ones as
-        the aim asks for: where none were taken out, no more than `growth` times as many as there are.
-        `expected` is the error that placement ends with, where it is not left to the aim. False when no more
-        points help.
-        """
+    def exchange(self, share: float) -> bool:
+        """Take out the least useful `share` of the control points, and place as many new ones as the aim asks
+        for. False when no more points help."""
+        return self._place(share, REPLACEMENT * share or GROWTH, self._foreseen(self.aim, growing=not share))
+
+    def _place(self, share: float, growth: float, expected: float) -> bool:
+        """One round: take out the least useful `share` of the control points, and place new ones, `growth`
+        times as many as there are at most, until the error is expected to be so much. False when no more
+        points help."""
         n = len(self.points)
         self._remember()
         with self._clock.stage("evaluation"):
-            expected = expected or self._foreseen(self.aim, growing=not share)
             goal = self._to_square(expected)
             on_canvas = self.fit.operator @ self.colors
             del self.fit  # large, and no longer needed
@@ -231,7 +233,7 @@ class Refinement:
                 shown, self._seats(), self._room(), POINT_WEIGHT * self._strength, SHIFTS[self._iteration % 2]
             )
             placement.thin_out(share)
-            most = int((REPLACEMENT * share or growth) * n + FIRST_POINTS * len(self.truth)) + 4
+            most = int(growth * n + FIRST_POINTS * len(self.truth)) + 4
             more = placement.grow(goal, most)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
