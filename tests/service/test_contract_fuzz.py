@@ -173,6 +173,8 @@ def test_every_answer_is_documented(world: World, label: str) -> None:
     def generated(case: Case) -> None:
         if label == "POST /v1/jobs":
             world.ask(sensible_upload(rng, case.derive()))
+        if label.endswith("/edits") and rng.random() < 0.1:
+            ask_everywhere(world, rng, sensible_edits(rng, case.derive()))
         ask_everywhere(world, rng, case)
 
     generated()
@@ -198,6 +200,15 @@ def sensible_upload(rng: random.Random, case: Case) -> Case:
         case.body["annotations"] = rng.choice(ANNOTATIONS)
     if rng.random() < 0.3:
         case.body["webhook"] = chosen(rng, WEBHOOKS)
+    return case
+
+
+def sensible_edits(rng: random.Random, case: Case) -> Case:
+    """Edits that can be made, or nearly so: what is generated hardly ever names what there is."""
+    moves = [{"curve": 0, "index": rng.choice((0, 99)), "dx": 0.0, "dy": 0}]
+    recolors = [{"patch": rng.choice((0, 0, 99)), "color": f"#{rng.randrange(1 << 24):06x}"}]
+    case.body = {"moves": rng.choice(([], moves)), "recolors": recolors, "revision": rng.choice((0, 0, 999))}
+    case.media_type = "application/json"
     return case
 
 
