@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TypeVar
@@ -58,11 +58,35 @@ def in_shares(work: Callable[[int, int], T], n: int) -> list[T]:
 
 
 def in_turn(work: Callable[[S], T], items: Sequence[S]) -> list[T]:
-    """`work(item)` for every one of some items; the results in order."""
-    n = threads()
-    if n < 2 or len(items) < 2:
+    """`work(item)` for every one of some items; the results in order.
+
+    The thread that asks takes part: others only help, and what they have not begun by then is done without
+    them.
+    """
+    helpers = min(threads(), len(items)) - 1
+    if helpers < 1:
         return [work(item) for item in items]
-    return list(_pool(n).map(work, items))
+    results: dict[int, T] = {}
+    left = iter(range(len(items)))
+
+    def take_part() -> None:
+        try:
+            for k in left:
+                results[k] = work(items[k])
+        except BaseException:
+            for _ in left:  # nobody begins another one
+                pass
+            raise
+
+    helping = [_pool(helpers).submit(take_part) for _ in range(helpers)]
+    try:
+        take_part()
+    finally:
+        begun = [helper for helper in helping if not helper.cancel()]
+        wait(begun)
+    for helper in begun:
+        helper.result()
+    return [results[k] for k in range(len(items))]
 
 
 @functools.cache

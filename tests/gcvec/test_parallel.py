@@ -1,6 +1,7 @@
 """Work in turn, by several threads."""
 
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -76,3 +77,23 @@ def test_runs_at_the_same_time_have_their_own_threads(workers: int) -> None:
         one.join()
     assert seen == {3: 3, 4: 4}
     assert parallel.threads() == workers
+
+
+def test_after_a_failure_nothing_more_is_begun() -> None:
+    begun = []
+
+    def work(i: int) -> None:
+        begun.append(i)
+        if i == 20:
+            raise ZeroDivisionError
+        time.sleep(0.001)
+
+    with pytest.raises(ZeroDivisionError):
+        in_turn(work, range(1000))
+    assert 20 < len(begun) < 100
+
+
+def test_work_can_hand_out_work_of_its_own() -> None:
+    assert in_turn(lambda i: sum(in_turn(lambda k: i * k, range(10))), range(10)) == [
+        45 * i for i in range(10)
+    ]
