@@ -233,12 +233,20 @@ class Placement:
         in_turn(lambda pair: _rate(*pair), pairs)
         patches = [strip.patch[strip.at_vertex[: len(use)]] for strip, use in pairs]
         limit = self._limits(np.concatenate(rated), np.concatenate(patches), share)
-        in_turn(lambda pair: _thin(*pair, limit), pairs)
+
+        def thin(pair: tuple[Strip, Floats]) -> float:
+            _thin(*pair, limit)
+            return self._settled(pair[0])
+
+        self.error = self._elsewhere + sum(in_turn(thin, pairs))
         if self._room is not None:
             for (strip, use), patch in zip(pairs, patches, strict=True):
                 gone = np.isfinite(use) & (strip.seat[: len(use)] == NOBODY)
                 self._room += np.bincount(patch[gone], minlength=self._n_patches)
-        self.settle()
+
+    def _settled(self, strip: Strip) -> float:
+        """The squared error of a strip after its colours have adapted."""
+        return float(_settle(strip, self._pull))
 
     def _limits(self, use: Floats, patch: Ints, share: float) -> Floats:
         """`(patches,)` up to which usefulness points go, if this share of them shall."""
@@ -248,10 +256,6 @@ class Placement:
         for p in np.flatnonzero(full):
             limit[p] = _least(use[movable & (patch == p)], share)
         return limit
-
-    def settle(self) -> None:
-        """Let colours adapt."""
-        self.error = self._elsewhere + sum(in_turn(lambda strip: _settle(strip, self._pull), self.strips))
 
     def grow(self, goal: float, most: int) -> bool:
         """Place points until the error is `goal` or less, about `most` are placed, or strips have no room for
@@ -278,11 +282,10 @@ class Placement:
             wanted = int(EAGER * how_many(gain, partial(full.missing, self.error, goal)))
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
             self._threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
-            new, stuck = self._place([self._best(q, self._threshold) for q in queues])
+            new, stuck = self._place(queues)
             if not new and not stuck:
                 return any(strip.counts[FULL] for strip in self.strips)
             placed += new
-            self.settle()
         return True
 
     def result(self) -> tuple[Ints, Floats, NDArray[np.bool_]]:
@@ -331,28 +334,30 @@ class Placement:
             total += np.bincount(self._seats.patch[own], (strip.residual**2).sum(axis=1), self._n_patches)
         return total
 
-    def _best(self, queue: Queue, threshold: float) -> Ints:
+    def _best(self, queue: Queue) -> Ints:
         """The triangles of a queue to place points in now, no more of a patch than it may have points, the
         most promising first."""
-        wanted = queue.gain > threshold
+        wanted = queue.gain > self._threshold
         if self._room is not None:
             wanted &= queue.rank < self._room[queue.patch]
         chosen = queue.where(wanted)
         return chosen.triangle[np.argsort(-chosen.gain, kind="stable")]
 
-    def _place(self, queues: list[Ints]) -> tuple[int, bool]:
-        """Place points in these triangles of each strip. How many, and whether a patch that has a bound has
-        got none of them in strips that are not full: it is asked no more then."""
+    def _place(self, queues: list[Queue]) -> tuple[int, bool]:
+        """Place points in the best triangles of each strip, and let colours adapt. How many, and whether a
+        patch that has a bound has got none of them in strips that are not full: it is asked no more then."""
 
-        def grow(pair: tuple[Strip, Ints]) -> tuple[Ints, Ints]:
-            strip, queue = pair
+        def grow(pair: tuple[Strip, Queue]) -> tuple[Ints, Ints, float]:
+            strip, queue = pair[0], self._best(pair[1])
             asked = np.bincount(strip.patch[queue], minlength=self._n_patches)
             left = asked.copy()
             _grow(strip, self._seats, queue, left, self._pull)
             used = asked - left
-            return used if strip.counts[FULL] else asked, used
+            return used if strip.counts[FULL] else asked, used, self._settled(strip)
 
-        asked, used = np.sum(in_turn(grow, list(zip(self.strips, queues, strict=True))), axis=0)
+        grown = in_turn(grow, list(zip(self.strips, queues, strict=True)))
+        asked, used = np.sum([(a, u) for a, u, _ in grown], axis=0)
+        self.error = self._elsewhere + sum(square for *_, square in grown)
         if self._room is None:
             return int(used.sum()), False
         self._room -= used
