@@ -23,6 +23,7 @@ from gcvec.greedy.strip import (
     VERTICES,
     Strip,
     barycentric,
+    make_room,
 )
 from gcvec.grouping import rank_in_group
 from gcvec.kernels import bare_kernel
@@ -134,6 +135,7 @@ def _square(residual):
 def _grow(strip, seats, queue, room, pull):
     """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts down, as long as
     the strip has room; those that have changed meanwhile have to wait until colours have adapted."""
+    make_room(strip)
     for t in queue:
         if strip.counts[VERTICES] + 1 >= len(strip.domain):
             strip.counts[FULL] = 1

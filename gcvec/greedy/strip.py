@@ -29,6 +29,10 @@ MOST_CORNERS = 64
 ENTRIES_A_POINT = 100
 """Room for coverage that a new point brings: six triangles, large ones at first."""
 
+ENTRIES_A_PIXEL, ENOUGH_ENTRIES = 2, 3_000_000
+"""There need be no more of it than so much a pixel, and at least so much: triangles that go leave gaps, which
+are closed in time."""
+
 NOBODY = -1
 
 TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP, FULL = range(6)
@@ -134,7 +138,8 @@ def roomy_strip(
     room = min(n_pixels // 3, 2 * n_vertices + 2000)
     v, t = n_vertices + room, n_triangles + 2 * room + 2
     at_top = image - [0, first_row]
-    e = most_entries_of(at_top, triangles, width, last_row - first_row) + ENTRIES_A_POINT * room
+    e = most_entries_of(at_top, triangles, width, last_row - first_row)
+    e += min(ENTRIES_A_POINT * room, max(ENTRIES_A_PIXEL * n_pixels, ENOUGH_ENTRIES))
 
     def roomy(values: NDArray[Number], n: int) -> NDArray[Number]:
         held = np.empty((n, *values.shape[1:]), values.dtype)
@@ -262,6 +267,39 @@ def cover(strip, t):
         strip.places, strip.width, 0, strip.rows, strip.pixel, strip.weights, first, strip.covering
     )
     strip.last[t] = strip.counts[ENTRIES]
+
+
+@bare_kernel
+def make_room(strip):
+    """Close the gaps between the entries of triangles, if there is little room behind them."""
+    most = len(strip.pixel) - ENTRIES_A_PIXEL // 2 * len(strip.residual)
+    if strip.counts[ENTRIES] <= most:
+        return
+    # Where the entries of a triangle begin, its number stands in for the pixel meanwhile.
+    for t in range(strip.counts[TRIANGLES]):
+        if strip.triangles[t, 0] == NOBODY or strip.first[t] == strip.last[t]:
+            strip.first[t], strip.last[t] = 0, 0
+        else:
+            strip.mark[t] = strip.pixel[strip.first[t]]
+            strip.pixel[strip.first[t]] = -1 - t
+    n, e = 0, 0
+    while e < strip.counts[ENTRIES]:
+        if strip.pixel[e] >= 0:
+            e += 1
+            continue
+        t = -1 - strip.pixel[e]
+        strip.pixel[e], strip.mark[t] = strip.mark[t], 0
+        length = strip.last[t] - e
+        strip.first[t], strip.last[t] = n, n + length
+        for _ in range(length):
+            strip.pixel[n] = strip.pixel[e]
+            for k in range(3):
+                strip.weights[n, k] = strip.weights[e, k]
+            n += 1
+            e += 1
+    strip.counts[ENTRIES] = n
+    if n <= most:
+        strip.counts[FULL] = 0
 
 
 @bare_kernel

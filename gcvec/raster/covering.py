@@ -172,7 +172,11 @@ def cover_triangle(corners, width, top, bottom, pixel, weights, count, scratch):
 
 @bare_kernel
 def cells(corners, width, top, bottom):
-    """Upper bound of the number of pixels a triangle touches in the rows from `top` to `bottom`."""
+    """Upper bound of the number of pixels a triangle touches in the rows from `top` to `bottom`.
+
+    It is that of the box around it; and no more pixels lie inside than its area says, while an edge passes
+    through |dx| + |dy| + 3 at most.
+    """
     low_x, high_x = (
         min(corners[0, 0], corners[1, 0], corners[2, 0]),
         max(corners[0, 0], corners[1, 0], corners[2, 0]),
@@ -183,7 +187,9 @@ def cells(corners, width, top, bottom):
     )
     nx = min(np.ceil(high_x), width) - max(np.floor(low_x), 0.0)
     ny = min(np.ceil(high_y), bottom) - max(np.floor(low_y), top)
-    return int(max(nx, 0.0) * max(ny, 0.0))
+    (ax, ay), (bx, by), (cx, cy) = corners[0], corners[1], corners[2]
+    area = abs((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) / 2
+    return int(min(max(nx, 0.0) * max(ny, 0.0), area + 2 * (high_x - low_x + high_y - low_y) + 9))
 
 
 def most_entries_of(vertices: Floats, triangles: Ints, width: int, height: int) -> int:

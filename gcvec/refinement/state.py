@@ -227,11 +227,12 @@ class Refinement:
         with self._clock.stage("evaluation"):
             goal = self._to_square(expected)
             on_canvas = self.fit.operator @ self.colors
-            del self.fit  # large, and no longer needed
             shown = Shown(self.canvas, self.points, on_canvas, self.residual, self._picture.reshape(-1, 3))
+            del self.fit, self.residual  # large, and no longer needed
             placement = begin_placement(
                 shown, self._seats(), self._room(), POINT_WEIGHT * self._strength, SHIFTS[self._iteration % 2]
             )
+            del shown
             placement.thin_out(share)
             most = int(growth * n + FIRST_POINTS * len(self.truth)) + 4
             more = placement.grow(goal, most)

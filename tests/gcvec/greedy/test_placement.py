@@ -9,7 +9,7 @@ from gcvec.greedy import begin
 from gcvec.greedy.placement import look_everywhere
 from gcvec.greedy.strip import ENTRIES, VERTICES
 from gcvec.parallel import use_workers
-from tests.gcvec.greedy.gardens import Garden, alive, garden, painted
+from tests.gcvec.greedy.gardens import Garden, alive, garden, painted, triangle_keys
 
 
 def slow_gain(strip, seats, t: int) -> float:
@@ -164,9 +164,26 @@ def test_a_strip_without_room_is_no_reason_to_give_up(what: str, left: int | Non
     made = garden("voronoi", 20, left)
     (strip,) = made.placement.strips
     used = strip.counts[{"domain": VERTICES, "pixel": ENTRIES}[what]]
-    scarce = getattr(strip, what)[: used + {"domain": 4, "pixel": 4000}[what]]
+    scarce = getattr(strip, what)[: used + {"domain": 4, "pixel": 1000}[what]]
     made.placement.strips = [strip._replace(**{what: scarce})]
     assert made.placement.grow(0.0, 1000)
     *_, new = made.placement.result()
     assert 0 < new.sum() < 100
     assert made.placement.error > 0
+
+
+def test_gaps_that_triangles_leave_are_closed() -> None:
+    """As many points are placed, and all is as true, as with room for everything that ever was."""
+    ample, scarce = garden("voronoi", 20), garden("voronoi", 20)
+    (strip,) = scarce.placement.strips
+    room = strip.counts[ENTRIES] + 4 * len(strip.residual)
+    tight = strip._replace(pixel=strip.pixel[:room], weights=strip.weights[:room])
+    scarce.placement.strips = [tight]
+    height = len(scarce.photo) // strip.width
+    rest = scarce.photo - painted(tight, height) - tight.residual
+    for made in (ample, scarce):
+        assert made.placement.grow(0.0, 1000)
+    assert ample.placement.strips[0].counts[ENTRIES] > room
+    assert len(scarce.placement.result()[0]) == len(ample.placement.result()[0])
+    assert triangle_keys(tight) == triangle_keys(ample.placement.strips[0])
+    np.testing.assert_allclose(tight.residual, scarce.photo - painted(tight, height) - rest, atol=2e-4)
