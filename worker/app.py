@@ -11,6 +11,7 @@ from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 from kombu import Exchange, Queue
 
+from gcvec.allocation import give_back_large_arrays
 from gcvec.parallel import use_workers
 from worker import logs, tracing
 from worker.process import die_with, give_way
@@ -91,6 +92,7 @@ def _prepare_process(**_: Any) -> None:
     settings = get_settings()
     die_with(os.getppid())
     give_way()
+    give_back_large_arrays()
     resource.setrlimit(resource.RLIMIT_DATA, (settings.job_memory_bytes, settings.job_memory_bytes))
     use_workers(settings.job_threads)
 

@@ -84,7 +84,9 @@ def vectorize(
     annotated = _load_regions(annotations, image_name, image.name) if annotations else None
 
     from gcvec import vectorize
+    from gcvec.allocation import give_back_large_arrays
 
+    give_back_large_arrays()
     with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
         result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
     warn(annotations or image, result.warnings)
