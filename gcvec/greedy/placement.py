@@ -135,8 +135,9 @@ def _square(residual):
 def _grow(strip, seats, queue, room, pull):
     """Place points in the triangles of a queue, at most `room[p]` in patch p, which counts down, as long as
     the strip has room; those that have changed meanwhile have to wait until colours have adapted."""
-    make_room(strip)
+    in_vain = False
     for t in queue:
+        in_vain = make_room(strip, in_vain)
         if strip.counts[VERTICES] + 1 >= len(strip.domain):
             strip.counts[FULL] = 1
         if strip.counts[FULL]:
@@ -190,9 +191,11 @@ def _rate(strip, use):
 @bare_kernel
 def _thin(strip, use, limit):
     """Take out the vertices whose usefulness is not above the `limit` `(patches,)` of their patch."""
+    in_vain = False
     for v in range(len(use)):
         if not strip.whole[v] or use[v] > limit[strip.patch[strip.at_vertex[v]]]:
             continue
+        in_vain = make_room(strip, in_vain)
         if remove(strip, v) > 0:
             strip.whole[v] = False
             strip.seat[v] = NOBODY

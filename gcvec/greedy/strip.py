@@ -270,11 +270,20 @@ def cover(strip, t):
 
 
 @bare_kernel
-def make_room(strip):
-    """Close the gaps between the entries of triangles, if there is little room behind them."""
-    most = len(strip.pixel) - ENTRIES_A_PIXEL // 2 * len(strip.residual)
-    if strip.counts[ENTRIES] <= most:
-        return
+def make_room(strip, in_vain):
+    """Close the gaps between the entries of triangles, if there is little room behind them.
+
+    Returns whether that has brought so little that it is `in_vain` to try again.
+    """
+    enough = ENTRIES_A_PIXEL // 2 * len(strip.residual)
+    if in_vain or strip.counts[ENTRIES] + enough <= len(strip.pixel):
+        return in_vain
+    _close_gaps(strip)
+    return strip.counts[ENTRIES] + 2 * enough > len(strip.pixel)
+
+
+@bare_kernel
+def _close_gaps(strip):
     # Where the entries of a triangle begin, its number stands in for the pixel meanwhile.
     for t in range(strip.counts[TRIANGLES]):
         if strip.triangles[t, 0] == NOBODY or strip.first[t] == strip.last[t]:
@@ -298,8 +307,6 @@ def make_room(strip):
             n += 1
             e += 1
     strip.counts[ENTRIES] = n
-    if n <= most:
-        strip.counts[FULL] = 0
 
 
 @bare_kernel
