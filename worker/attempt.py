@@ -75,7 +75,7 @@ class Attempt(Keeper):
                 self._send()
                 renewed = now
         if self._stopped.is_set() and not self._done.wait(GRACE_SECONDS):
-            logger.error("job %s does not stop: ending its process", self._job_id)
+            logger.warning("job %s: still at work, so its process is ended", self._job_id)
             os.kill(os.getpid(), signal.SIGKILL)
 
     def _send(self) -> None:
