@@ -144,7 +144,7 @@ let summary = "";
 
 function showDetails(job, { image, patches, metrics, seconds, warnings }) {
   const size = `${image.width} × ${image.height}`;
-  summary = `${size} · ${patches.length.toLocaleString()} patches`;
+  summary = `${size} · ${patches.length.toLocaleString()} ${patches.length === 1 ? "patch" : "patches"}`;
   element("summary").textContent = summary;
   document.title = `${size} · gcvec`;
   const kilobytes = metrics.bytes ? `${(metrics.bytes / 1000).toFixed(1)} kB` : null;
