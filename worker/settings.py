@@ -70,7 +70,12 @@ class Settings(BaseSettings):
     max_stored_bytes: int = Field(default=20_000_000_000, ge=0, description="of one key; 0: no limit")
 
     max_upload_bytes: int = Field(default=25_000_000, gt=0, description="largest picture or annotation file")
-    max_pixels: int = Field(default=64_000_000, gt=0, description="most pixels of a picture")
+    max_pixels: int = Field(
+        default=64_000_000,
+        gt=0,
+        le=1 << 26,
+        description="most pixels of a picture; no file holds more than 2^26",
+    )
     max_side: int = Field(default=16_384, gt=0, description="longest side of a picture, pixels")
     max_polygons: int = Field(default=2_000, gt=0, description="most polygons of a picture")
     max_polygon_vertices: int = Field(default=20_000, gt=0, description="most vertices of one polygon")

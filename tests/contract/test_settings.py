@@ -50,6 +50,7 @@ def test_no_other_variable_is_read() -> None:
         *("GCVEC_STORAGE_URL=/data", "GCVEC_STORAGE_URL=ftp://host/data", "GCVEC_STORAGE_URL=file://data"),
         "GCVEC_STORAGE_URL=s3:///prefix",
         *("GCVEC_ORPHAN_AGE=0", "GCVEC_RETENTION=-P1D", "GCVEC_WEBHOOK_PAUSES=5,-5"),
+        "GCVEC_MAX_PIXELS=67108865",
     ],
 )
 def test_a_wrong_setting_is_named(tmp_path: Path, setting: str) -> None:
