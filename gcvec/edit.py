@@ -90,8 +90,9 @@ def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Floats]:
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     area = np.abs(ux * vy - uy * vx)
     of_corner = np.bincount(corner_color.ravel(), np.repeat(area / (3 * area.sum()), 3), operator.shape[0])
-    colors = np.concatenate([image.boundary_colors, image.point_colors[own_points]])
-    return np.asarray(operator.T @ of_corner), colors
+    n_boundary = len(image.boundary_colors)
+    own = np.concatenate([np.arange(n_boundary), n_boundary + own_points])
+    return np.asarray(operator.T @ of_corner), image.colors[own]
 
 
 def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:

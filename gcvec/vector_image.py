@@ -31,6 +31,10 @@ MOST_DRAWN = 2**31
 BAND = 256
 """Rows that are rounded at once: what that takes does not grow with the picture."""
 
+OVERSHOOT = 1 / 255
+"""How far beyond black and white a colour is drawn, where rounding took it there. Channels are clipped only
+once a pixel's mean is known: what lies further out would make pictures at different scales differ."""
+
 
 @dataclass(frozen=True, eq=False)
 class VectorImage:
@@ -38,9 +42,10 @@ class VectorImage:
 
     network          boundary curves and the loops they form around each patch
     hard             (c,) bool, the curves that carry two sets of colours
-    boundary_colors  (b, 3) float64 in [0, 1], colours of the boundary unknowns (see `color_space`)
+    boundary_colors  (b, 3) float64, colours of the boundary unknowns (see `color_space`): in [0, 1], but for
+                     what rounding adds
     points           (n, 2) int64, interior control points as pixels of the parameter domain, by rows
-    point_colors     (n, 3) float64 in [0, 1]
+    point_colors     (n, 3) float64, likewise
     labels           the label of each patch
     quantization     the steps in which its file stores all this
     control_points   (c, 2) float64, control points of all curves after an edit; None: those of the network
@@ -83,8 +88,9 @@ class VectorImage:
 
     @property
     def colors(self) -> Floats:
-        """All unknown colours `(b + n, 3)`."""
-        return np.concatenate([self.boundary_colors, self.point_colors])
+        """All unknown colours `(b + n, 3)`, as they are drawn: at most `OVERSHOOT` beyond [0, 1]."""
+        colors = np.concatenate([self.boundary_colors, self.point_colors])
+        return np.asarray(np.clip(colors, -OVERSHOOT, 1 + OVERSHOOT))
 
     @cached_property
     def foldovers(self) -> int:

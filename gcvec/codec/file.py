@@ -65,10 +65,12 @@ GRAY = 0.5
 """The colour that boundary colours are differences from."""
 
 MAGIC = b"GCV"
-VERSION, VERSION_RECOLORED = 3, 4
-READABLE = 2, VERSION, VERSION_RECOLORED
-"""Only files with recoloured patches need version 4. Those of version 2 hold the same as those of version 3;
-they were drawn with colours that differ a little between samples."""
+VERSION = 5
+READABLE = 2, 3, 4, VERSION
+"""Older files hold the same, and were drawn a little differently."""
+
+FIRST_RECOLORED = 4
+"""The first version whose files may hold recolours."""
 
 MOVED, RECOLORED = 1, 2
 """Edits of a picture, as the header names them."""
@@ -95,8 +97,7 @@ def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
         stream = range_coder.finish(coder)
         if stream is not None:
             stream = stream.ljust(shortest_stream(image.width, image.height, n_points, n_text), b"\0")
-            version = VERSION_RECOLORED if recoloring else VERSION
-            return sealed(stream, version), boundary_colors, point_colors
+            return sealed(stream), boundary_colors, point_colors
         capacity *= 4
 
 
@@ -166,7 +167,7 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
     steps = Quantization(*(int(n) for n in sizes[5:8]))
     edits = int(sizes[8])
-    demand(0 <= edits <= MOVED + (RECOLORED if version == VERSION_RECOLORED else 0), "unknown edits")
+    demand(0 <= edits <= MOVED + (RECOLORED if version >= FIRST_RECOLORED else 0), "unknown edits")
     limits.check_sizes(width, height, n_nodes, n_curves, n_patches, length)
     limits.check_steps(steps)
     labels = _read_labels(coder, int(sizes[9]), n_patches, length)

@@ -45,13 +45,13 @@ def _metrics(image: VectorImage) -> dict[str, Any]:
 def _curves(image: VectorImage) -> list[dict[str, Any]]:
     foundation = image.foundation
     offsets, unknown = foundation.samples.offsets, foundation.space.of_control
-    curves = []
+    curves, colors = [], image.colors
     for c, curve in enumerate(image.network.curves):
         own = slice(offsets[c], offsets[c + 1])
         sides = {}
         for name, side, patch in (("right", RIGHT, curve.right), ("left", LEFT, curve.left)):
             if patch != OUTSIDE:
-                sides[name] = _rounded(image.boundary_colors[unknown[side, own]])
+                sides[name] = _rounded(colors[unknown[side, own]])
         hard = bool(image.hard[c])
         curves.append(
             {
@@ -111,7 +111,8 @@ def _loops(
 def _points(image: VectorImage, which: NDArray[np.int64]) -> list[dict[str, Any]]:
     """Some of the interior control points."""
     domain = image.canvas.mesh.vertices[image.canvas.mesh.n_samples :]
-    columns = (domain[which], image.canvas.places[which], image.point_colors[which])
+    colors = image.colors[len(image.boundary_colors) :]
+    columns = (domain[which], image.canvas.places[which], colors[which])
     return [
         {"domain": place, "image": moved, "color": color}
         for place, moved, color in zip(*map(_rounded, columns), strict=True)

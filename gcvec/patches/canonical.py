@@ -79,8 +79,13 @@ class Canvas:
 
     def drawing(self, flatness: float = FLATNESS) -> Drawing:
         """The canvas with its curves drawn within `flatness` pixels of them; infinity: along its own
-        edges."""
-        return draw(self.foundation.polylines(flatness), self.mesh, self.image)
+        edges.
+
+        Where such a polyline would turn a triangle over, the curve is drawn as at scale 1, if that is
+        coarser.
+        """
+        at_unit_scale = [self.foundation.polylines(FLATNESS)] if flatness < FLATNESS else []
+        return draw([self.foundation.polylines(flatness), *at_unit_scale], self.mesh, self.image)
 
     def operator(self, drawing: Drawing) -> tuple[sparse.csr_array, Ints]:
         """R from unknowns to colours, and which colour each corner of the drawing's triangles has."""

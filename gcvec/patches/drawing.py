@@ -7,6 +7,7 @@ solved stays as it is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,31 +80,47 @@ def polylines(
     return Polylines(segment_table(samples.segments, len(samples)), count, segment, along, points)
 
 
-def draw(lines: Polylines, mesh: Mesh, places: Floats) -> Drawing:
-    """A mesh whose vertices S takes to `places` `(v, 2)`, with the curves drawn as polylines."""
-    drawn = np.ones(len(lines.count), bool)
+def draw(choices: Sequence[Polylines], mesh: Mesh, places: Floats) -> Drawing:
+    """A mesh whose vertices S takes to `places` `(v, 2)`, with the curves drawn as polylines.
+
+    Each segment between samples is drawn as the first of the `choices` that turns no triangle of its fans
+    over, and as its chord where all of them do.
+    """
+    table, choice = choices[0].table, np.zeros(len(choices[0].count), np.int64)
     while True:
-        used = drawn[lines.segment]
-        segment, count = lines.segment[used], np.where(drawn, lines.count, 0)
-        image = np.concatenate([places, lines.points[used]])
-        fan, owner = fans(mesh.triangles, lines.table, len(places) + np.cumsum(count) - count, count)
-        # Where the polyline would turn a triangle of the fan over, the segment is drawn as its chord.
+        count, segment, along, points = _chosen(choices, choice)
+        image = np.concatenate([places, points])
+        fan, owner = fans(mesh.triangles, table, len(places) + np.cumsum(count) - count, count)
         corners = fan[folded(image, fan)]
         added = corners[corners >= len(places)]
         if not len(added):
             break
-        drawn[segment[added - len(places)]] = False
+        choice[np.unique(segment[added - len(places)])] += 1
     whole = np.ones(len(mesh.triangles), bool)
     whole[owner] = False
     return Drawing(
         image,
         np.concatenate([mesh.triangles[whole], fan]),
         np.concatenate([mesh.patch[whole], mesh.patch[owner]]),
-        lines.table.ends[segment],
-        lines.along[used],
+        table.ends[segment],
+        along,
         mesh.n_samples,
         len(places),
     )
+
+
+def _chosen(choices: Sequence[Polylines], choice: Ints) -> tuple[Ints, Ints, Floats, Floats]:
+    """How many points each segment `(s,)` has, and segment, place along it and position of each of them,
+    where every segment is drawn as the polyline it has chosen, and as its chord where the number is past
+    them."""
+    used = [choice[lines.segment] == k for k, lines in enumerate(choices)]
+    segment, along, points = (
+        np.concatenate([getattr(lines, name)[own] for lines, own in zip(choices, used, strict=True)])
+        for name in ("segment", "along", "points")
+    )
+    order = np.argsort(segment, kind="stable")
+    count = np.bincount(segment, minlength=len(choice))
+    return count, segment[order], along[order], points[order]
 
 
 def folded(image: Floats, triangles: Ints) -> Ints:

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gcvec import InputError
-from gcvec.codec.file import VERSION_RECOLORED, decode, encode, sealed
+from gcvec.codec.file import decode, encode, sealed
 from gcvec.codec.integers import SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
 from gcvec.codec.mixing import fresh_model
 from gcvec.codec.range_coder import finish, writer
@@ -118,16 +118,12 @@ def refused(data: bytes) -> bool:
 def test_ten_thousand_broken_files_do_no_harm() -> None:
     rng = np.random.default_rng(20)
     for stream in streams():
-        assert not refused(sealed(stream, VERSION_RECOLORED))
+        assert not refused(sealed(stream))
     outcomes = {True: 0, False: 0}
     for i in range(FILES):
         mutation = MUTATIONS[i % len(MUTATIONS)]
         stream = mutation(rng, streams()[rng.integers(len(streams()))])
-        data = (
-            sealed(stream, VERSION_RECOLORED)
-            if i % 10
-            else rng.bytes(4) + sealed(stream, VERSION_RECOLORED)[4:]
-        )
+        data = sealed(stream) if i % 10 else rng.bytes(4) + sealed(stream)[4:]
         before = _peak_memory()
         start = time.thread_time()
         outcomes[refused(data)] += 1

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
 from skimage import data
 
 from examples.scenes import vectorized_balls
 from gcvec import Annotations, InputError, Options, Progress, Shape, VectorImage, vectorize
 from gcvec.automatic_regions import automatic_regions
 from gcvec.progress import AFTER_RUNS, BEFORE_RUNS, GROWTH
+from gcvec.raster.painting import paint
 from gcvec.regions.partition import Partition
 from tests.gcvec.crews import Alone
 from tests.gcvec.scenes import SCENES, Scene, noise, vectorized, voronoi
@@ -198,6 +200,27 @@ def test_every_scale_averages_to_the_same_picture(scene: str) -> None:
         # Both pictures are rounded to levels.
         assert off[~border].max() <= 1
         assert off.mean() < 0.5
+
+
+@pytest.mark.parametrize("target_mse", [5, 2000])
+def test_every_scale_averages_to_the_same_drawing(target_mse: float) -> None:
+    """Before levels are rounded, and where much of the photo is white and black: channels are clipped once a
+    pixel's mean is known, so colours must not lie beyond white by more than a level."""
+    photo = np.asarray(Image.fromarray(data.astronaut()).resize((160, 160)))
+    image = vectorize(photo, None, Options(target_mse=target_mse))
+    single, border = drawn(image, 1), border_pixels(image)
+    for scale in (2, 4, 8):
+        averaged = drawn(image, scale).reshape(160, scale, 160, scale, 3).mean(axis=(1, 3))
+        off = np.abs(averaged - single).max(axis=2)
+        assert off[border].max() <= 4
+        assert off[~border].max() <= 1
+
+
+def drawn(image: VectorImage, scale: int) -> np.ndarray:
+    """The picture at a scale, in levels that are clipped but not rounded."""
+    vertices, triangles, colors, corner_color = image.gouraud(scale)
+    size = image.width * scale, image.height * scale
+    return 255 * np.clip(paint(vertices * scale, triangles, colors, corner_color, *size), 0, 1)
 
 
 def border_pixels(image: VectorImage) -> np.ndarray:
