@@ -6,23 +6,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+UNITS = 4080
+"""Units of a colour step from 0 to 1: sixteen to a level of 255."""
+
 
 @dataclass(frozen=True)
 class Quantization:
     """Steps of a file, as it stores them.
 
     Curve control points lie on a grid of 2^-`position_bits` pixels. `boundary_step` and `point_step` are the
-    steps of colour differences on curves and at interior control points, in quarters of a 1/255 level.
+    steps of colour differences on curves and at interior control points, in units of 1 / `UNITS`.
     """
 
     position_bits: int = 4
-    boundary_step: int = 16
-    point_step: int = 16
+    boundary_step: int = 64
+    point_step: int = 64
 
     @classmethod
     def for_error(cls, target_mse: float) -> Quantization:
         """Steps whose rounding takes a small share of a mean squared error (0-255 scale)."""
-        step = int(np.clip(round(16 * (target_mse / 5) ** 0.5), 2, 64))
+        step = int(np.clip(round(64 * (target_mse / 5) ** 0.5), 8, 256))
         return cls(boundary_step=step, point_step=step)
 
     def scaled(self, factor: float) -> Quantization:
@@ -41,9 +44,9 @@ class Quantization:
     @property
     def boundary(self) -> float:
         """Step of boundary colours, for colours in [0, 1]."""
-        return self.boundary_step / 1020
+        return self.boundary_step / UNITS
 
     @property
     def point(self) -> float:
         """Step of interior colours, for colours in [0, 1]."""
-        return self.point_step / 1020
+        return self.point_step / UNITS

@@ -69,8 +69,8 @@ VERSION = 5
 READABLE = 2, 3, 4, VERSION
 """Older files hold the same, and were drawn a little differently."""
 
-FIRST_RECOLORED = 4
-"""The first version whose files may hold recolours."""
+FIRST_RECOLORED, FINE_STEPS = 4, 5
+"""The first versions whose files may hold recolours, and count steps of colours in units of a quarter."""
 
 MOVED, RECOLORED = 1, 2
 """Edits of a picture, as the header names them."""
@@ -165,7 +165,8 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     sizes = np.zeros(10, np.int64)
     _code_sizes(coder, sizes)
     width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
-    steps = Quantization(*(int(n) for n in sizes[5:8]))
+    position_bits, *color_steps = (int(n) for n in sizes[5:8])
+    steps = Quantization(position_bits, *(step * (1 if version >= FINE_STEPS else 4) for step in color_steps))
     edits = int(sizes[8])
     demand(0 <= edits <= MOVED + (RECOLORED if version >= FIRST_RECOLORED else 0), "unknown edits")
     limits.check_sizes(width, height, n_nodes, n_curves, n_patches, length)

@@ -222,7 +222,6 @@ class Placement:
         # Patches may be so thin that they hold the centre of no pixel.
         self._n_patches = int(seats.patch.max()) + 1 if room is None else len(room)
         self._threshold = 0.0
-        self._stuck = np.zeros(self._n_patches, bool)
         self._first_new = [int(strip.counts[VERTICES]) for strip in strips]
         self.error, self.lack = error, 0.0
         # Where strips overlap each sees its own changes only.
@@ -287,8 +286,8 @@ class Placement:
             wanted = int(EAGER * how_many(gain, partial(full.missing, self.error, goal)))
             wanted = max(min(wanted, int(EAGER * (most - placed))), 1)
             self._threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
-            new, stuck = self._place(queues)
-            if not new and not stuck:
+            asked, new = self._place(queues)
+            if not asked:
                 return any(strip.counts[FULL] for strip in self.strips)
             placed += new
         return True
@@ -321,7 +320,7 @@ class Placement:
         cuts = np.cumsum([len(q.gain) for q in queues])[:-1]
         ranked = [q._replace(rank=own) for q, own in zip(queues, np.split(rank, cuts), strict=True)]
         full = self._room == 0
-        still_open = [q.where(~(full | self._stuck)[q.patch]) for q in ranked]
+        still_open = [q.where(~full[q.patch]) for q in ranked]
         if not full.any():
             return still_open, NONE_FULL
         price = np.zeros(self._n_patches)
@@ -348,27 +347,25 @@ class Placement:
         chosen = queue.where(wanted)
         return chosen.triangle[np.argsort(-chosen.gain, kind="stable")]
 
-    def _place(self, queues: list[Queue]) -> tuple[int, bool]:
-        """Place points in the best triangles of each strip, and let colours adapt. How many, and whether a
-        patch that has a bound has got none of them in strips that are not full: it is asked no more then."""
+    def _place(self, queues: list[Queue]) -> tuple[int, int]:
+        """Place points in the best triangles of each strip, and let colours adapt. How many triangles were
+        asked, in strips that are not full, and how many took a point: those that did not are asked no more.
+        """
 
-        def grow(pair: tuple[Strip, Queue]) -> tuple[Ints, Ints, float]:
+        def grow(pair: tuple[Strip, Queue]) -> tuple[int, Ints, float]:
             strip, queue = pair[0], self._best(pair[1])
             asked = np.bincount(strip.patch[queue], minlength=self._n_patches)
             left = asked.copy()
             _grow(strip, self._seats, queue, left, self._pull)
             used = asked - left
-            return used if strip.counts[FULL] else asked, used, self._settled(strip)
+            return int((used if strip.counts[FULL] else asked).sum()), used, self._settled(strip)
 
         grown = in_turn(grow, list(zip(self.strips, queues, strict=True)))
-        asked, used = np.sum([(a, u) for a, u, _ in grown], axis=0)
+        used = np.sum([new for _, new, _ in grown], axis=0)
         self.error = self._elsewhere + sum(square for *_, square in grown)
-        if self._room is None:
-            return int(used.sum()), False
-        self._room -= used
-        stuck = (asked > 0) & (used == 0)
-        self._stuck |= stuck
-        return int(used.sum()), bool(stuck.any())
+        if self._room is not None:
+            self._room -= used
+        return sum(asked for asked, *_ in grown), int(used.sum())
 
 
 def _least(use: Floats, share: float) -> float:

@@ -21,6 +21,10 @@ LANDING = 0.15
 """If a picture is far better than it need be, no more than this share of the points is taken out at the end;
 with little effort none."""
 
+BARE = 2.0
+"""A file without points is tried first where the error, before its colours have converged, is at most this
+many times the target: seeds would overshoot."""
+
 RETRIES = 4
 """How often points are added again to a picture that no steps bring to its target."""
 
@@ -82,6 +86,10 @@ def refine_batch(
 
     state.begin()
     more = True
+    if start is None and state.mse <= BARE * target_mse:
+        draft = settled()
+        if draft.mse <= target_mse:
+            return draft
     if start is None:
         state.seed(state.aim)
         more = state.grow(effort.growth, early=bool(effort.exchanges))
@@ -100,7 +108,7 @@ def refine_batch(
             break
         more = state.catch_up()
         draft = settled()
-    if draft.mse > target_mse + state.lack and state.fall_back():
+    if draft.mse > target_mse and state.fall_back():
         draft = settled()
     return draft
 

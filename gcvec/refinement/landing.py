@@ -7,8 +7,8 @@ round of refinement.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from math import ceil
 
 from gcvec.quantization import Quantization
 from gcvec.refinement.draft import Draft
@@ -16,11 +16,11 @@ from gcvec.refinement.draft import Draft
 LEAST_SCALE, MOST_SCALE = 0.75, 1.25
 """How far steps may differ from the planned ones: beyond, more or fewer points are the better way."""
 
-AIM = 0.998
+AIM = 0.997
 """The share of the target to aim at: the error does not fall quite evenly with the steps."""
 
-WORTH = 16
-"""Steps that are larger by less than about this part are not worth making another file."""
+WORTH = 1.02
+"""Steps that are larger by less than this factor are not worth making another file."""
 
 MOST_FILES = 4
 
@@ -44,18 +44,18 @@ def landed(
     def in_steps_of(step: int) -> Draft:
         return file(planned.scaled(step / planned.point_step))
 
-    def largest(step: int, rounding: float) -> int:
+    def ideal(step: int, rounding: float) -> int:
         allowed = max(AIM * target_mse - before, 0.0)
-        return int(step * (allowed / max(rounding, 1e-9)) ** 0.5)
+        return round(step * math.sqrt(allowed / max(rounding, 1e-9)))
 
-    least, most = ceil(LEAST_SCALE * planned.point_step), int(MOST_SCALE * planned.point_step)
-    files = [in_steps_of(min(max(largest(planned.point_step, rounding), least), most))]
+    least, most = math.ceil(LEAST_SCALE * planned.point_step), int(MOST_SCALE * planned.point_step)
+    files = [in_steps_of(min(max(ideal(planned.point_step, rounding), least), most))]
     while len(files) < MOST_FILES:
         step, kept = files[-1].steps.point_step, files[-1].mse <= target_mse
         least, most = (step + 1, most) if kept else (least, step - 1)
-        step = min(largest(step, files[-1].mse - before), most)
+        step = min(ideal(step, files[-1].mse - before), most)
         some_kept = any(one.mse <= target_mse for one in files)
-        if least > most or (some_kept and step < least + planned.point_step // WORTH):
+        if least > most or (some_kept and step < WORTH * (least - 1)):
             break
         files.append(in_steps_of(max(step, least)))
     return min(files, key=lambda one: (one.mse > target_mse, abs(one.mse - target_mse)))

@@ -59,6 +59,10 @@ EARLY, EARLY_NEAR = 1.3, 2.0
 """Growth ends within the factor `NEAR` of the aim. Where exchanges follow it works, from `FEW` points on,
 towards `EARLY` times the aim, and ends within the factor `EARLY_NEAR`: they do the rest."""
 
+LEAST_GROWTH = 0.9
+"""A round of growth places points until placement foresees at most this share of the error there is: where it
+has expected far too much before, as on smooth pictures, its word would say that no more points are needed."""
+
 LEAST_CHANGE = 0.99
 """Growth ends with a round that neither adds points nor brings the error below this share of what it was."""
 
@@ -88,13 +92,24 @@ REPLACEMENT = 3.0
 
 
 class _Best(NamedTuple):
-    """The best bargain so far: what `Refinement._bargain` says of it, control points, colours, and what full
-    regions lack."""
+    """The best bargain of each region so far: what `Refinement._bargains` says of it, `(patches,)`, and the
+    control points, with their colours and regions."""
 
-    bargain: float
+    bargains: Floats
     points: Ints
     colors: Floats
-    lack: float
+    patch: Ints
+
+    def where(self, region: NDArray[np.bool_]) -> _Best:
+        """What it says of some of the regions `(patches,)`."""
+        own = region[self.patch]
+        bargains = np.where(region, self.bargains, np.inf)
+        return _Best(bargains, self.points[own], self.colors[own], self.patch[own])
+
+    def beside(self, other: _Best) -> _Best:
+        """What both say, each of regions of its own."""
+        points, colors, patch = (np.concatenate(pair) for pair in zip(self[1:], other[1:], strict=True))
+        return _Best(np.minimum(self.bargains, other.bargains), points, colors, patch)
 
 
 class Refinement:
@@ -142,6 +157,7 @@ class Refinement:
         self._on_step = on_step
         self._clock = clock
         self._best: _Best | None = None
+        self._area = self._areas()
         self._blocked = ~room(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
         self._iteration = start.rounds
         self._lay()
@@ -180,7 +196,8 @@ class Refinement:
             goal, near = (EARLY, EARLY_NEAR) if early and n >= FEW else (1.0, NEAR)
             if self.open_mse <= near * self.aim:
                 return True
-            if not self._place(0.0, growth, self._foreseen(goal * self.aim, growing=True)):
+            expected = min(self._foreseen(goal * self.aim, growing=True), LEAST_GROWTH * before)
+            if not self._place(0.0, growth, expected):
                 return False
             if len(self.points) <= n and self.mse > LEAST_CHANGE * before:
                 return False
@@ -191,23 +208,45 @@ class Refinement:
                 return False
 
     def fall_back(self) -> bool:
-        """Go back to the points that were a better bargain than those there are, if some were: where the aim
-        cannot be reached, an error that has fallen by less than a small power of the number of points is not
-        worth them."""
-        if self._best is None or SETTLED * self._best.bargain >= self._bargain():
+        """Go back to the points that were a better bargain than those there are, in the regions where some
+        were: where the aim cannot be reached, an error that has fallen by less than a small power of the
+        number of points is not worth them."""
+        now = self._bargains(self._squares())
+        best = self._best or now
+        back = SETTLED * best.bargains < now.bargains
+        if not back.any():
             return False
-        self.points, self.colors, self.lack = self._best.points, self._best.colors, self._best.lack
+        kept = now.where(~back).beside(best.where(back))
+        order = by_rows(kept.points)
+        self.points = kept.points[order]
+        self.colors = np.concatenate([self.colors[: len(self._prior)], kept.colors[order]])
+        self.lack = 0.0
         self._update()
         return True
 
-    def _remember(self) -> None:
-        bargain = self._bargain()
-        if self._best is None or bargain < self._best.bargain:
-            self._best = _Best(bargain, self.points, self.colors, self.lack)
+    def _remember(self, squares: Floats) -> None:
+        """Keep what is a better bargain than all before; `squares` as `_squares` gives them."""
+        now = self._bargains(squares)
+        best = self._best or now
+        better = now.bargains < best.bargains
+        self._best = now.where(better).beside(best.where(~better))
 
-    def _bargain(self) -> float:
-        n = max(len(self.points), FEW_A_PIXEL * len(self.truth))
-        return float(self.mse * n**LEAST_RETURN)
+    def _bargains(self, squares: Floats) -> _Best:
+        n_points = np.maximum(self._points_by_region(), FEW_A_PIXEL * self._area)
+        bargains = squares * n_points**LEAST_RETURN
+        return _Best(bargains, self.points, self.colors[len(self._prior) :], self.canvas.patch_of_points())
+
+    def _areas(self) -> Ints:
+        """`(patches,)` pixels of the regions."""
+        n_patches = len(self.foundation.network.loops)
+        return np.bincount(self.foundation.geometry.patch_at().ravel(), minlength=n_patches)[:n_patches]
+
+    def _squares(self) -> Floats:
+        """`(patches,)` squared errors of the regions, in [0, 1] colours."""
+        square = (self.residual**2).sum(axis=1)
+        n_patches = len(self._area)
+        patch_at = self.foundation.geometry.patch_at().ravel()
+        return np.bincount(patch_at, square, n_patches)[:n_patches].astype(np.float64)
 
     def catch_up(self) -> bool:
         """Place the points that are missing. False when no more points help."""
@@ -223,7 +262,6 @@ class Refinement:
         times as many as there are at most, until the error is expected to be so much. False when no more
         points help."""
         n = len(self.points)
-        self._remember()
         with self._clock.stage("evaluation"):
             goal = self._to_square(expected)
             on_canvas = self.fit.operator @ self.colors
@@ -297,7 +335,6 @@ class Refinement:
     def seed(self, fair_aim: float) -> None:
         """Place the first control points of a picture whose mean squared error, over all of it, shall come to
         `fair_aim`."""
-        self._remember()
         with self._clock.stage("evaluation"):
             new = seeds(
                 self.residual.reshape(self._picture.shape),
@@ -349,13 +386,11 @@ class Refinement:
         """Colours and error on a new canvas, whose regions `grown` have got points."""
         self.converge(ROUND_ITERATIONS)
         self._iteration += 1
-        square = (self.residual**2).sum(axis=1)
-        by_region = np.bincount(self.foundation.geometry.patch_at().ravel(), square)
+        squares = self._squares()
+        self._remember(squares)
         worst = float(np.abs(self.residual).max() * 255)
         self._on_step(
-            Step(
-                self._iteration, len(self.points), int(by_region.argmax()), worst, self.mse, grown, self.left
-            )
+            Step(self._iteration, len(self.points), int(squares.argmax()), worst, self.mse, grown, self.left)
         )
 
     def _pull(self) -> tuple[Floats, Floats]:

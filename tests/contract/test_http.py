@@ -14,6 +14,7 @@ import jsonschema
 import numpy as np
 import pytest
 from PIL import Image
+from skimage import data
 
 from gcvec import VectorImage
 from tests.contract.client import ended, post, submitted
@@ -135,7 +136,8 @@ def test_get_jobs_id_waits(api: httpx.Client, photo: bytes, endless: dict[str, A
 
 
 @pytest.mark.contract("3: GET /v1/jobs/{id}/events")
-def test_get_events_streams_replays_and_ends(api: httpx.Client, photo: bytes) -> None:
+def test_get_events_streams_replays_and_ends(api: httpx.Client) -> None:
+    photo = encoded(Image.fromarray(data.chelsea()[100 : 100 + HEIGHT, 200 : 200 + WIDTH]))
     job = submitted(api, photo, cvat(GROUND, BOX))
     first, *middle, last = events(api, job["links"]["events"])
     assert (first["event"], first["data"]["id"]) == ("snapshot", job["id"])

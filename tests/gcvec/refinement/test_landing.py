@@ -40,7 +40,7 @@ def image() -> VectorImage:
     return vectorize(np.ascontiguousarray(data.astronaut()[:8, :8]), options=Options(workers=1))
 
 
-planned = st.integers(2, 64).map(lambda step: Quantization(boundary_step=step, point_step=step))
+planned = st.integers(8, 256).map(lambda step: Quantization(boundary_step=step, point_step=step))
 
 
 @given(
@@ -74,12 +74,12 @@ def test_the_target_is_kept_where_steps_can_keep_it(
         assert smallest - 1 < LEAST_SCALE * steps.point_step or len(file.steps) == MOST_FILES
 
 
-@pytest.mark.parametrize(("before", "step"), [(4.0, 17), (4.24, 15), (3.0, 20), (4.9, 12)])
+@pytest.mark.parametrize(("before", "step"), [(4.0, 69), (4.24, 60), (3.0, 80), (4.9, 48)])
 def test_steps_go_with_the_root_of_what_rounding_may_cost(
     image: VectorImage, before: float, step: int
 ) -> None:
-    """16 steps cost 0.85 here; no step is smaller than 12 or larger than 20."""
-    file = Filing(image, before, 0.85 / 256)
+    """64 steps cost 0.85 here; no step is smaller than 48 or larger than 80."""
+    file = Filing(image, before, 0.85 / 64**2)
     assert landed(file, Quantization(), before, 0.85, TARGET).steps == Quantization(
         boundary_step=step, point_step=step
     )
@@ -90,4 +90,4 @@ def test_steps_go_with_the_root_of_what_rounding_may_cost(
 def test_pictures_come_close_to_their_targets(target: float) -> None:
     pixels = np.ascontiguousarray(data.coffee()[100:260, 200:400])
     report = vectorize(pixels, options=Options(target_mse=target, max_points=0)).report
-    assert 0.96 * target < report.mse <= target
+    assert 0.98 * target < report.mse <= target
