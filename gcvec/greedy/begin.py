@@ -73,7 +73,9 @@ def begin_placement(shown: Shown, seats: Seats, room: Ints | None, pull: float, 
 
     largest_first = np.argsort(-np.diff(cuts), kind="stable")
     strips = in_turn(share, largest_first.tolist())
-    return Placement(strips, seats, float(np.sum(shown.residual**2, dtype=np.float64)), room, pull)
+    n_patches = len(canvas.foundation.network.loops)
+    error = float(np.sum(shown.residual**2, dtype=np.float64))
+    return Placement(strips, seats, n_patches, error, room, pull)
 
 
 def _cuts(n_triangles: int, shift: float) -> list[int]:

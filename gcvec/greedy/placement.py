@@ -211,7 +211,13 @@ class Placement:
     """
 
     def __init__(
-        self, strips: list[Strip], seats: Seats, error: float, room: Ints | None, pull: float
+        self,
+        strips: list[Strip],
+        seats: Seats,
+        n_patches: int,
+        error: float,
+        room: Ints | None,
+        pull: float,
     ) -> None:
         """`room` `(patches,)` is how many more points each patch may have, None: any number. `pull` is w of
         equation (7)."""
@@ -219,8 +225,7 @@ class Placement:
         self._seats = seats
         self._room = room
         self._pull = pull
-        # Patches may be so thin that they hold the centre of no pixel.
-        self._n_patches = int(seats.patch.max()) + 1 if room is None else len(room)
+        self._n_patches = n_patches
         self._threshold = 0.0
         self._first_new = [int(strip.counts[VERTICES]) for strip in strips]
         self.error, self.lack = error, 0.0

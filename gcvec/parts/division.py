@@ -44,27 +44,27 @@ class Part:
 
 
 def divided(foundation: Foundation, n: int) -> list[Ints]:
-    """The patches of a foundation in at most `n` groups that lie together and have about as many pixels."""
-    patch = foundation.geometry.patch_at()
-    pixels = np.bincount(patch.ravel())
-    rows, columns = (np.arange(length) + 0.5 for length in patch.shape)
-    x = np.bincount(patch.ravel(), np.broadcast_to(columns, patch.shape).ravel())
-    y = np.bincount(patch.ravel(), np.broadcast_to(rows[:, None], patch.shape).ravel())
-    centres = np.stack([x, y], axis=1) / np.maximum(pixels, 1)[:, None]
-    return _split(np.arange(len(pixels)), centres, pixels, n)
+    """The patches of a foundation in at most `n` groups that lie together and have about the same area."""
+    mesh, n_patches = foundation.geometry.mesh, len(foundation.network.loops)
+    corners = mesh.vertices[mesh.triangles]
+    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    weight = np.abs(ux * vy - uy * vx) / 2
+    area = np.bincount(mesh.patch, weight, n_patches).astype(np.float64)
+    moment = [np.bincount(mesh.patch, weight * middle, n_patches) for middle in corners.mean(axis=1).T]
+    return _split(np.arange(n_patches), np.stack(moment, axis=1) / area[:, None], area, n)
 
 
-def _split(patches: Ints, centres: Floats, pixels: Ints, n: int) -> list[Ints]:
+def _split(patches: Ints, centres: Floats, area: Floats, n: int) -> list[Ints]:
     """Cut across the longer side, again and again."""
     if n < 2 or len(patches) < 2:
         return [np.sort(patches)]
     side = int(np.ptp(centres[patches], axis=0).argmax())
     ordered = patches[np.argsort(centres[patches, side], kind="stable")]
-    before = np.cumsum(pixels[ordered])
+    before = np.cumsum(area[ordered])
     wanted = before[-1] * (n // 2) / n
     cut = int(np.clip(np.searchsorted(before, wanted) + 1, 1, len(ordered) - 1))
     halves = (ordered[:cut], n // 2), (ordered[cut:], n - n // 2)
-    return [group for half, share in halves for group in _split(half, centres, pixels, share)]
+    return [group for half, share in halves for group in _split(half, centres, area, share)]
 
 
 def part_of(foundation: Foundation, patches: Sequence[int] | Ints) -> Part:

@@ -13,6 +13,8 @@ from scipy.spatial import KDTree
 from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 from gcvec.borders.border import borders
 from gcvec.borders.planar_graph import planar_graph
+from gcvec.curves.loops import network_loops
+from gcvec.curves.network import Curve, Network, straight_line
 from gcvec.curves.network_fit import fitted_network
 from gcvec.patches.canonical import Foundation, lay_unfolded_foundation
 from gcvec.quantization import Quantization
@@ -151,6 +153,19 @@ def foundation_of(scene: str, hard: bool = True) -> Foundation:
     traced = borders(planar_graph(labels), width, height)
     network = fitted_network(traced, traced, Quantization().grid)
     return lay_unfolded_foundation(network, np.array([hard and not c.on_frame for c in network.curves]))
+
+
+def needle() -> Foundation:
+    """Left and right of a patch, the last one, that is so thin that it holds the centre of no pixel."""
+    corners = np.array([(0, 0), (20.6, 0), (20.8, 0), (40, 0), (40, 20), (20.8, 20), (20.6, 20), (0, 20)])
+    around = [(-1, patch, node, (node + 1) % 8) for node, patch in enumerate([0, 2, 1, 1, 1, 2, 0, 0])]
+    across = [(2, 0, 1, 6), (1, 2, 2, 5)]
+    curves = tuple(
+        Curve(straight_line(corners[start], corners[end], 1), left, right, start, end)
+        for left, right, start, end in around + across
+    )
+    network = Network(40, 20, len(corners), curves, network_loops(curves, 3))
+    return lay_unfolded_foundation(network, np.arange(len(curves)) >= len(around))
 
 
 def no_points() -> np.ndarray:

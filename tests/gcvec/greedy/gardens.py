@@ -33,12 +33,19 @@ class Garden:
 def garden(scene: str, n_points: int, left: int | None = None) -> Garden:
     """A placement on a scene with random colours at random points; `left` more of them a patch may have."""
     foundation = foundation_of(scene)
-    canvas, kept = lay_unfolded_canvas(foundation, some_points(foundation, n_points))
-    points = some_points(foundation, n_points)[kept]
+    return garden_on(foundation, SCENES[scene].picture(), some_points(foundation, n_points), left)
+
+
+def garden_on(
+    foundation: Foundation, picture: np.ndarray, points: np.ndarray, left: int | None = None
+) -> Garden:
+    """The same on any foundation and points, for a picture with noise."""
+    canvas, kept = lay_unfolded_canvas(foundation, points)
+    points = points[kept]
     foundation = canvas.foundation
     rng = np.random.default_rng(0)
-    noise = rng.uniform(-0.1, 0.1, (*SCENES[scene].labels.shape, 3))
-    photo = (SCENES[scene].picture() / 255.0 * 0.6 + 0.2 + noise).reshape(-1, 3).astype(np.float32)
+    noise = rng.uniform(-0.1, 0.1, picture.shape)
+    photo = (picture / 255.0 * 0.6 + 0.2 + noise).reshape(-1, 3).astype(np.float32)
     fit = color_fit(canvas, canvas.coverage(canvas.unit[0]), photo)
     colors = rng.uniform(0.2, 0.8, (foundation.space.size + len(points), 3))
     taken = ~room(foundation)

@@ -9,7 +9,8 @@ from gcvec.greedy import begin
 from gcvec.greedy.placement import look_everywhere
 from gcvec.greedy.strip import ENTRIES, VERTICES
 from gcvec.parallel import use_workers
-from tests.gcvec.greedy.gardens import Garden, alive, garden, painted, triangle_keys
+from tests.gcvec.greedy.gardens import Garden, alive, garden, garden_on, painted, triangle_keys
+from tests.gcvec.scenes import needle, no_points
 
 
 def slow_gain(strip, seats, t: int) -> float:
@@ -52,6 +53,25 @@ def test_the_error_is_that_of_the_picture_it_stands_for(scene: str) -> None:
     now = start.photo - painted(strip, height) - rest
     np.testing.assert_allclose(strip.residual, now, atol=2e-4)
     assert start.placement.error == pytest.approx((now**2).sum(), rel=1e-3)
+
+
+def test_points_go_beside_a_patch_without_pixels_and_are_taken_out_there() -> None:
+    start = garden_on(needle(), np.zeros((20, 40, 3), np.uint8), no_points())
+    assert start.placement.grow(0.5 * start.placement.error, 300)
+    start.placement.thin_out(0.5)
+    points, *_ = start.placement.result()
+    assert len(points) > 0
+
+
+@pytest.mark.parametrize("left", [None, 100])
+def test_where_the_best_triangles_take_no_point_the_next_ones_do(left: int | None) -> None:
+    placement = garden("quadrants", 50, left).placement
+    (strip,), seats, error = placement.strips, placement._seats, placement.error
+    queues, _ = placement._queues()
+    for t in queues[0].triangle[np.argsort(-queues[0].gain)[:5]]:
+        seats.taken[seats.under[strip.best[t]]] = True  # as if another strip had a point there
+    assert placement.grow(0.98 * error, 100)
+    assert placement.error <= 0.985 * error
 
 
 def test_points_reach_the_goal_and_no_two_share_a_pixel() -> None:

@@ -8,7 +8,7 @@ import pytest
 from gcvec.parts.division import CELL, divided, part_of
 from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundation
 from tests.gcvec.parts.made import wide
-from tests.gcvec.scenes import SCENES, foundation_of, some_points
+from tests.gcvec.scenes import SCENES, foundation_of, needle, some_points
 
 
 def scene(name: str) -> Foundation:
@@ -33,6 +33,12 @@ def test_every_patch_is_in_one_part(name: str) -> None:
         groups = divided(foundation, parts)
         assert len(groups) <= min(parts, n)
         assert sorted(np.concatenate(groups).tolist()) == list(range(n))
+
+
+def test_a_patch_without_pixels_is_in_a_part_too() -> None:
+    assert len(np.unique(needle().geometry.patch_at())) == 2
+    for parts in (1, 2, 3):
+        assert sorted(np.concatenate(divided(needle(), parts)).tolist()) == [0, 1, 2]
 
 
 def test_parts_have_about_as_many_pixels() -> None:
