@@ -1,6 +1,6 @@
 /** The upload form and the list of recent jobs. */
 
-import { call, callBlob, callJson, forgetKey, hasKey } from "./session.js";
+import { awaitJson, callBlob, callJson, forgetKey, hasKey } from "./session.js";
 
 const element = (id) => document.getElementById(id);
 const NUMBERS = ["target_mse", "max_points", "regions", "snap"];
@@ -66,10 +66,10 @@ function acceptDrops() {
 }
 
 async function showRecent() {
-  const answer = await call("/v1/jobs?limit=12");
+  const showAway = () => (element("away").hidden = false);
+  const { jobs } = await awaitJson("/v1/jobs?limit=12", showAway).catch(() => ({ jobs: [] })); // they are an extra
+  element("away").hidden = true;
   element("forget").hidden = !hasKey();
-  if (!answer.ok) return;
-  const { jobs } = await answer.json();
   element("recent").hidden = !jobs.length;
   element("jobs").replaceChildren(...jobs.map(jobItem));
 }

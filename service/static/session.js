@@ -5,6 +5,8 @@
 
 const STORED = "gcvec-key";
 const PAUSE = 1000; // ms before a service that was away is asked again
+const HIDDEN_PAUSE = 5000; // ms between two looks at a job from a tab that nobody sees
+const SILENCE = 40_000; // ms without a word after which a stream is given up: the service speaks every 15 s
 const LONGEST_MAKING = 120_000; // ms that a file may take to be made
 
 let asking = null;
@@ -35,6 +37,7 @@ export async function call(url, options = {}) {
 async function callPatiently(url, options, onAway = () => {}) {
   for (;;) {
     const answer = await call(url, options).catch(() => null);
+    options.signal?.throwIfAborted();
     if (answer && answer.status < 500 && answer.status !== 429) return answer;
     onAway();
     await pause(answer ? secondsToWait(answer) * 1000 || PAUSE : PAUSE);
@@ -45,11 +48,14 @@ const pause = (milliseconds) => new Promise((resume) => setTimeout(resume, milli
 
 const secondsToWait = (answer) => Number(answer.headers.get("Retry-After")) || 0;
 
-/** The answer. Throws an Error with the problem's words; a proxy's own page has none for us. */
+/** What the service, or a proxy, refuses. */
+class ProblemError extends Error {}
+
+/** The answer. Throws a ProblemError with the problem's words; a proxy's own page has none for us. */
 async function checked(answer) {
   if (answer.ok) return answer;
   const problem = await answer.json().catch(() => null);
-  throw new Error(problem?.detail || problem?.title || `HTTP ${answer.status}`);
+  throw new ProblemError(problem?.detail || problem?.title || `HTTP ${answer.status}`);
 }
 
 /** The answer of the service. Throws an Error with the problem's words. */
@@ -90,30 +96,75 @@ export async function callFile(url) {
   }
 }
 
-/** The events of a job, { event, data } with the data parsed, to the final one; across broken connections. */
-export async function* eventsOf(url) {
+/**
+ * The events of a job, { event, data } with the data parsed, to the final one; across broken connections, of
+ * which `onAway` is told. Browsers keep few connections to a service for all tabs together, so a hidden tab
+ * holds none: it looks at the job now and then, which is told as a snapshot, and gets the events once it is shown.
+ */
+export async function* eventsOf({ self, events }, onAway) {
   let last = "0";
   for (;;) {
-    const answer = await checked(await callPatiently(url, { headers: { "Last-Event-ID": last } }));
-    if (answer.status === 204) return;
+    if (document.hidden) {
+      const job = await awaitJson(self, onAway);
+      yield { event: job.finished_at ? "state" : "snapshot", data: job };
+      if (job.finished_at) return;
+      await untilShown(HIDDEN_PAUSE);
+      continue;
+    }
+    const connection = new Connection();
     try {
-      for await (const { id, event, data } of parsed(answer.body)) {
+      const options = { headers: { "Last-Event-ID": last }, signal: connection.signal };
+      const answer = await checked(await callPatiently(events, options, onAway));
+      if (answer.status === 204) return;
+      for await (const { id, event, data } of parsed(answer.body, connection)) {
         last = id ?? last;
         yield { event, data: JSON.parse(data) };
         if (event === "state") return;
       }
     } catch (error) {
+      if (error instanceof ProblemError) throw error;
       console.debug(error); // the connection broke
+    } finally {
+      connection.close();
     }
-    await pause(PAUSE);
+    if (!document.hidden) await pause(PAUSE);
   }
 }
 
+/** Something to abort a stream by: when the tab is hidden, and when nothing has come for long. */
+class Connection {
+  constructor() {
+    this._control = new AbortController();
+    this.signal = this._control.signal;
+    document.addEventListener("visibilitychange", () => document.hidden && this.close(), { signal: this.signal });
+  }
+
+  /** To be told whenever something comes. */
+  alive() {
+    clearTimeout(this._silence);
+    this._silence = setTimeout(() => this.close(), SILENCE);
+  }
+
+  close() {
+    clearTimeout(this._silence);
+    this._control.abort();
+  }
+}
+
+/** Wait so long, or until the tab is shown. */
+async function untilShown(milliseconds) {
+  const over = new AbortController();
+  const shown = new Promise((resume) => document.addEventListener("visibilitychange", resume, { signal: over.signal }));
+  await Promise.race([shown, pause(milliseconds)]);
+  over.abort();
+}
+
 /** Server-sent events as they come in: { id, event, data } of each. */
-async function* parsed(body) {
+async function* parsed(body, connection) {
   const reader = body.pipeThrough(new TextDecoderStream()).getReader();
   let text = "";
   for (;;) {
+    connection.alive();
     const { value, done } = await reader.read();
     if (done) return;
     const blocks = (text + value).split(/\r?\n\r?\n/);

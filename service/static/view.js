@@ -49,7 +49,8 @@ async function watch(job) {
   element("progress").hidden = false;
   element("cancel").onclick = cancel;
   showProgress(job.progress);
-  for await (const { event, data } of eventsOf(job.links.events)) {
+  for await (const { event, data } of eventsOf(job.links, showAway)) {
+    element("summary").textContent = ""; // it answers
     if (event === "snapshot") showProgress(data.progress);
     if (event !== "progress") continue;
     if (data.mse !== null) errors.push(data.mse);

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from contextlib import ExitStack
 from typing import Any
 
 import httpx
@@ -104,3 +106,55 @@ def test_a_cancellation_that_fails_is_said_to(browser: Browser, api: httpx.Clien
         page.evaluate("document.getElementById('cancel').click()")
         page.wait_for("!document.getElementById('problem').hidden")
         assert text(page, "problem-title") == "Canceled"
+
+
+def turn(page: Page, hidden: bool) -> None:
+    """Have the page believe that its tab was hidden, or shown again."""
+    page.evaluate(
+        f"Object.defineProperty(document, 'hidden', {{ value: {json.dumps(hidden)}, configurable: true }});"
+        "document.dispatchEvent(new Event('visibilitychange'))"
+    )
+
+
+def test_hidden_tabs_hold_no_connection(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    """A browser makes six to a service, for all of its tabs."""
+    job_id = begun(jobs, 100)
+    with ExitStack() as tabs:
+        pages = [tabs.enter_context(browser.page(900, 700)) for _ in range(7)]
+        for page in pages:
+            page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+            page.wait_for("document.getElementById('iteration').textContent === '1'", 10)
+            turn(page, hidden=True)
+        first, second, *_ = pages
+        assert jobs.records.run(report(job_id, 1, [{**iteration(2, 50), "fraction": 0.75}]))
+        second.wait_for("document.title.startsWith('75%')", 10)
+        turn(first, hidden=False)
+        first.wait_for("document.getElementById('errors').getAttribute('d')?.includes('L')", 10)
+        assert heights(first) == [5, 85]
+        assert jobs.records.run(finish(job_id, "failed", retention=60, error=problem("time-limit", "late")))
+        for page in (first, second):
+            page.wait_for("!document.getElementById('problem').hidden", 10)
+            assert page.errors == []
+
+
+def test_an_outage_while_a_job_runs_is_told(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    job_id = begun(jobs, 100)
+    with browser.page(900, 700) as page:
+        page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
+        page.wait_for("document.getElementById('iteration').textContent === '1'")
+        page.evaluate(failing("GET", f"/v1/jobs/{job_id}/events"))
+        turn(page, hidden=True)
+        turn(page, hidden=False)
+        page.wait_for("document.getElementById('summary').textContent.includes('does not answer')")
+        page.wait_for("document.getElementById('summary').textContent === ''")
+        assert page.evaluate("away") == 0
+
+
+def test_the_form_says_that_the_service_is_away(browser: Browser, api: httpx.Client, jobs: Jobs) -> None:
+    jobs.submit()
+    with browser.page(900, 700) as page:
+        page.send("Page.addScriptToEvaluateOnNewDocument", source=failing("GET", "/v1/jobs?limit=12"))
+        page.open(f"{api.base_url}/")
+        page.wait_for("!document.getElementById('away').hidden")
+        page.wait_for("!document.getElementById('recent').hidden")
+        assert page.evaluate("document.getElementById('away').hidden")
