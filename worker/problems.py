@@ -11,6 +11,7 @@ TITLES: dict[str, tuple[int, str]] = {
     "forbidden": (403, "This is not allowed from here"),
     "not-found": (404, "There is no such thing here"),
     "method-not-allowed": (405, "This method is not allowed here"),
+    "too-slow": (408, "The request came too slowly"),
     "not-ready": (409, "This is not ready yet"),
     "no-result": (409, "The job ended without a result"),
     "in-flight": (409, "The same request is being handled"),

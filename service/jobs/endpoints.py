@@ -27,7 +27,7 @@ _LARGEST_ID = 2**53
     status_code=202,
     summary="Submit a picture",
     dependencies=[Depends(check_parts)],
-    responses=documented(400, 401, 403, 409, 410, 413, 415, 422, 429, 503),
+    responses=documented(400, 401, 403, 408, 409, 410, 413, 415, 422, 429, 503),
 )
 async def submit_job(
     services: ServicesDep,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import time
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Final, NoReturn
@@ -23,6 +25,10 @@ _PARTS: Final = ("image", "annotations", "options", "webhook")
 _FORM_OVERHEAD: Final = 1_000_000
 _LARGEST_HELD: Final = 8
 """As much as so many of the largest uploads is held at a time."""
+_LEAST_PACE: Final = 500
+"""Bytes a second that a body has to come at, less than the slowest of mobile phones sends."""
+_PATIENCE_SECONDS: Final = 60.0
+"""A body may be so far behind that pace."""
 _CHARSETS: Final = (b"utf-8", b"utf8", b"us-ascii")
 
 
@@ -37,12 +43,34 @@ class Upload:
     webhook: Webhook | None = None
 
 
+class Pace:
+    """How long the next piece of a body is waited for: who dribbles would hold a connection for ever.
+
+    What came quickly is no excuse for later: nobody gets more than the patience that all begin with.
+    """
+
+    def __init__(self) -> None:
+        self._left = _PATIENCE_SECONDS
+
+    async def keep(self, receive: Receive) -> Message:
+        """The next message. Raises ProblemError where it does not come in time."""
+        since = time.monotonic()
+        try:
+            async with asyncio.timeout(self._left):
+                message = await receive()
+        except TimeoutError:
+            raise _too_slow() from None
+        gained = len(message.get("body", b"")) / _LEAST_PACE
+        self._left = min(self._left - (time.monotonic() - since) + gained, _PATIENCE_SECONDS)
+        return message
+
+
 class LimitBody:
     """Middleware: a request body may not grow beyond what the largest valid upload needs.
 
-    Nor may all that are being read or handled: a crowd of large ones would take all memory. Nor may a form
-    name a character set other than UTF-8: Python decodes some of them, "punycode" for one, in a time that
-    grows with the square of the length.
+    Nor may it come too slowly. Nor may all that are being read or handled: a crowd of large ones would take
+    all memory. Nor may a form name a character set other than UTF-8: Python decodes some of them, "punycode"
+    for one, in a time that grows with the square of the length.
     """
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
@@ -54,11 +82,12 @@ class LimitBody:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        seen = 0
+        seen, whole, pace = 0, False, Pace()
 
         async def counted() -> Message:
-            nonlocal seen
-            message = await receive()
+            nonlocal seen, whole
+            message = await (receive() if whole else pace.keep(receive))  # what follows tells of who leaves
+            whole = not message.get("more_body", False)
             size = len(message.get("body", b""))
             seen += size
             self._held += size
@@ -181,6 +210,11 @@ def _too_large(limit: int, part: str | None = None) -> ProblemError:
     what = "the request" if part is None else f"the part {part!r}"
     pointer = None if part is None else f"/{part}"
     return ProblemError("too-large", f"{what} is larger than {limit / 1e6:g} MB", pointer=pointer)
+
+
+def _too_slow() -> ProblemError:
+    detail = f"the request came at less than {_LEAST_PACE} bytes a second for {_PATIENCE_SECONDS:g} s"
+    return ProblemError("too-slow", detail, headers={"Connection": "close"})
 
 
 def request_of(upload: Upload) -> dict[str, Any]:

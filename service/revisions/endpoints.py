@@ -23,7 +23,7 @@ _EDIT_SECONDS = 50.0
 @router.post(
     "/edits",
     summary="Edit a result",
-    responses=documented(400, 401, 403, 404, 409, 410, 413, 422, 429, 500, 503),
+    responses=documented(400, 401, 403, 404, 408, 409, 410, 413, 422, 429, 500, 503),
 )
 async def edit_job(
     edits: Edits,

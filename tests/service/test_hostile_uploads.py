@@ -11,6 +11,7 @@ import struct
 import time
 import zipfile
 import zlib
+from collections.abc import Iterator
 from contextlib import ExitStack
 from io import BytesIO
 from pathlib import Path
@@ -20,9 +21,10 @@ import httpx
 import pytest
 
 from gcvec.io import read_picture
+from service.jobs import uploads
 from tests.broker import client_of
 from tests.problems import refused
-from tests.service.in_process import files_in, serving
+from tests.service.in_process import Jobs, files_in, serving
 from tests.uploads import cvat, png
 from tests.waiting import within
 from worker.settings import Settings
@@ -341,6 +343,41 @@ def test_a_flood_is_refused_before_it_ends(api: httpx.Client) -> None:
         for _ in range(20):
             connection.sendall(b"10000\r\n" + b"x" * 65_536 + b"\r\n")
         assert connection.recv(1_000).startswith(b"HTTP/1.1 413 ")
+
+
+def test_who_dribbles_is_sent_away(api: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However fast it began, and whoever else calls."""
+    monkeypatch.setattr(uploads, "_PATIENCE_SECONDS", 0.5)
+    head = (
+        f"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: {FORM}\r\nContent-Length: 90000\r\n\r\n"
+    )
+    with socket.create_connection((api.base_url.host, api.base_url.port or 0), timeout=10) as connection:
+        connection.sendall(head.encode() + START + bytes(60_000))
+        started = time.monotonic()
+        while not select.select([connection], [], [], 0.1)[0]:
+            connection.sendall(b"x")
+            assert time.monotonic() - started < 5
+        received = b"".join(iter(lambda: connection.recv(2_000), b""))
+    assert received.startswith(b"HTTP/1.1 408 ")
+    assert b"urn:gcvec:problem:too-slow" in received
+
+
+def test_who_is_slow_but_comes_on_is_waited_for(
+    api: httpx.Client, jobs: Jobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uploads, "_PATIENCE_SECONDS", 0.5)
+
+    body = form(part("image", png(), "a.png"), part("options", b"{}" + b" " * 1_000))
+
+    def slowly() -> Iterator[bytes]:
+        for start in range(0, len(body), 100):
+            time.sleep(0.1)
+            yield body[start : start + 100]
+
+    answer = api.post("/v1/jobs", content=slowly(), headers={"Content-Type": FORM})
+    assert answer.status_code == 202, answer.text
+    waited = api.get(f"/v1/jobs/{jobs.submit()}?wait=1")  # nothing more is to come of this request
+    assert waited.status_code == 200
 
 
 def test_a_crowd_of_large_uploads_is_bounded(api: httpx.Client) -> None:
