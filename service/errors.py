@@ -132,6 +132,11 @@ def install(app: FastAPI) -> None:
     async def _http(request: Request, error: HTTPException) -> JSONResponse:
         if isinstance(error.__cause__, ProblemError):  # raised while the framework read the body
             return await _problem(request, error.__cause__)
+        if isinstance(
+            error.__cause__, OSError
+        ):  # likewise: a large body is kept in a file for the time being
+            logger.warning("upload: %s", error.__cause__)
+            return answer(*_away("the upload cannot be kept: the disk of the service may be full"))
         code = _CODES.get(error.status_code, "invalid-request")
         found = problem(code, str(error.detail))
         headers = {"Allow": _allowed(request)} if code == "method-not-allowed" else error.headers

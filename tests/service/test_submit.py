@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import json
 import socket
+from errno import ENOSPC
 from pathlib import Path
-from typing import Any
+from tempfile import SpooledTemporaryFile
+from typing import Any, NoReturn
 
 import httpx
 import pytest
@@ -181,6 +183,22 @@ def test_nothing_is_left_when_the_broker_is_away(tmp_path: Path) -> None:
         refused(api.get("/readyz"), 503, "unavailable")
         assert api.get("/livez").status_code == 200
     assert files_in(tmp_path / "storage") == []
+
+
+def test_an_upload_that_no_disk_has_room_for_is_refused_for_now(
+    settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is larger than a megabyte lies in a temporary file while it comes in."""
+
+    def full(*_: object) -> NoReturn:
+        raise OSError(ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(SpooledTemporaryFile, "rollover", full)
+    with serving(settings.model_copy(update={"max_upload_bytes": 2_000_000})) as api:
+        answer = api.post("/v1/jobs", files={"image": ("a.png", png() + bytes(1_500_000))})
+        assert "disk" in refused(answer, 503, "unavailable")["detail"]
+        assert int(answer.headers["retry-after"]) >= 1
+        assert api.post("/v1/jobs", files={"image": IMAGE}).status_code == 202
 
 
 @pytest.mark.parametrize(
