@@ -165,7 +165,8 @@ async def _encode(services: Services, job: Job, event: Event) -> bytes:
     data = event.data
     if event.kind == "state":
         _, now = await services.jobs.find(job.id)
-        data = JobView.of(now).model_dump_json() if now else json.dumps({"id": job.id, "status": data})
+        shown = JobView.of(now or job)  # one that has expired since is as whole, as far as it is known
+        data = (shown if now else shown.model_copy(update={"status": data})).model_dump_json()
     return format_sse_event(event=event.kind, data_str=data, id=str(event.number))
 
 

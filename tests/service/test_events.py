@@ -3,15 +3,20 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import AsyncIterator
 from typing import Any, NoReturn
 
 import httpx
 import pytest
 from redis.exceptions import RedisError
 
+from service.deps import Services
+from service.jobs import service
 from service.jobs.repository import JobRepository
 from tests.broker import client_of
 from tests.service.in_process import Jobs, serving
+from worker.job import Job
+from worker.problems import problem
 from worker.settings import Settings
 from worker.steps import claim, finish, record_key, report
 
@@ -96,6 +101,29 @@ def test_deleting_a_job_ends_its_stream(api: httpx.Client, jobs: Jobs) -> None:
     *_, last = events(api.get(f"/v1/jobs/{job_id}/events"))
     deletion.join()
     assert last["data"]["status"] == "canceled"
+
+
+def test_the_last_event_is_the_whole_job_whenever_it_ends(
+    api: httpx.Client, jobs: Jobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here after the stream has been asked for, before it listens; the second job expires at once."""
+    stream, reason = service.stream, problem("time-limit", "too long")
+    retention = 60.0
+
+    def just_ended(services: Services, job: Job, after: int) -> AsyncIterator[bytes]:
+        jobs.records.run(finish(job.id, "failed", retention=retention, error=reason, warnings=("careful",)))
+        return stream(services, job, after)
+
+    monkeypatch.setattr(service, "stream", just_ended)
+    job_id = jobs.submit()
+    first, last = events(api.get(f"/v1/jobs/{job_id}/events"))
+    assert (first["data"]["status"], last["event"]) == ("queued", "state")
+    assert last["data"] == api.get(f"/v1/jobs/{job_id}").json()
+    assert last["data"]["error"]["detail"] == "too long"
+    retention = 0.0
+    _, expired = events(api.get(f"/v1/jobs/{jobs.submit()}/events"))
+    assert expired["data"]["status"] == "failed"
+    assert expired["data"].keys() == last["data"].keys()
 
 
 @pytest.mark.parametrize("ahead", [7, 2**53])
