@@ -88,7 +88,7 @@ def read_picture(
     up to one level darker than rounding.
 
     Raises `InputError`: "unreadable-picture" (damaged), "unsupported-picture" (another format, or samples
-    of 32 bits), "picture-too-large" (by its header, before anything is decoded).
+    of 32 bits), "picture-too-large" (by its header, before anything is decoded); and MemoryError.
     """
     notes: list[str] = []
     with _quiet_pillow():
@@ -106,6 +106,7 @@ def read_picture(
         except InputError:
             raise
         except Exception as error:  # on damaged files Pillow's decoders raise nearly anything
+            _raise_if_out_of_memory(error)
             raise _unreadable(str(error)) from error
     if alpha is not None and alpha.getextrema() != (255, 255):
         notes.append("transparent pixels are laid over rgb({}, {}, {})".format(*matte))
@@ -148,6 +149,7 @@ def _open(data: bytes, limits: Limits) -> Image.Image:
     except Image.DecompressionBombError as error:
         raise _too_large("picture has too many pixels", limits) from error
     except Exception as error:  # see read_picture
+        _raise_if_out_of_memory(error)
         if not data:
             raise _unreadable("the file is empty") from error
         if data.startswith(_SIGNATURES) or (data[:4] == b"RIFF" and data[8:12] == b"WEBP"):
@@ -161,6 +163,15 @@ def _open(data: bytes, limits: Limits) -> Image.Image:
     if min(width, height) < 1:
         raise _unreadable(f"its header states a size of {width} x {height} pixels")
     return image
+
+
+def _raise_if_out_of_memory(error: Exception) -> None:
+    """Raise MemoryError where that is what went wrong, which is no fault of the file's.
+
+    Some of Pillow's decoders have a status of their own for it, which comes out as an OSError.
+    """
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and "out of memory" in str(error)):
+        raise MemoryError from error
 
 
 def _unreadable(why: str) -> InputError:

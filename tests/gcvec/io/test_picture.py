@@ -3,7 +3,7 @@ from __future__ import annotations
 import io
 import struct
 from dataclasses import replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -240,6 +240,20 @@ def test_damaged_files_are_unreadable(kind: str) -> None:
             read_picture(part)
         assert error.value.code == "unreadable-picture"
         assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError("out of memory when reading image file")])
+@pytest.mark.parametrize("step", ["Image.open", "JpegImagePlugin.JpegImageFile.load"])
+def test_a_lack_of_memory_is_no_fault_of_the_file(
+    monkeypatch: pytest.MonkeyPatch, step: str, error: Exception
+) -> None:
+    def fail(*_: Any, **__: Any) -> NoReturn:
+        raise error
+
+    data = encoded(blocks(), "JPEG")
+    monkeypatch.setattr(f"PIL.{step}", fail)
+    with pytest.raises(MemoryError):
+        read_picture(data)
 
 
 def test_an_empty_file_is_unreadable() -> None:
