@@ -199,25 +199,41 @@ def read_derived(store: ObjectStore, job_id: str, revision: int, name: str) -> S
 
 def delete_folder(store: ObjectStore, folder: str) -> None:
     """Delete everything under `folder`; nothing there is fine."""
-    for paths in _pages(store, folder):
-        obstore.delete(store, paths)
     if isinstance(store, LocalStore):
-        _delete_empty_folders(Path(str(store.prefix)) / folder)
+        _delete_tree(Path(str(store.prefix)) / folder)
+        return
+    for page in obstore.list(store, prefix=folder, chunk_size=1000):
+        obstore.delete(store, [entry["path"] for entry in page])
 
 
-def _delete_empty_folders(folder: Path) -> None:
-    """Delete folders that hold nothing: on a full disk a file's folder is made, and then not the file."""
-    for place, _, _ in os.walk(folder, topdown=False):
-        with suppress(OSError):  # something is in it
+def _delete_tree(folder: Path) -> None:
+    """Delete a folder and all that is in it.
+
+    Also what the store does not list: `NAME#1`, which is left of a write that was broken off, and folders
+    that hold nothing, as on a full disk, where a file's folder is made, and then not the file.
+    """
+    for place, _, names in os.walk(folder, topdown=False):
+        for name in names:
+            Path(place, name).unlink(missing_ok=True)
+        with suppress(OSError):  # something has come into it
             os.rmdir(place)
 
 
 def last_written(store: ObjectStore, folder: str) -> float:
-    """When something in `folder` was last written, seconds since the epoch; 0 if nothing is there."""
+    """When something in `folder` was last written, seconds since the epoch; 0 if nothing is there.
+
+    So does what is being written, which is called `NAME#1` until it is whole, and which the store does not
+    list.
+    """
+    if isinstance(store, LocalStore):
+        return max(_times(Path(str(store.prefix)) / folder), default=0.0)
     pages = obstore.list(store, prefix=folder, chunk_size=1000)
     return max((entry["last_modified"].timestamp() for page in pages for entry in page), default=0.0)
 
 
-def _pages(store: ObjectStore, folder: str) -> Iterator[list[str]]:
-    for page in obstore.list(store, prefix=folder, chunk_size=1000):
-        yield [entry["path"] for entry in page]
+def _times(folder: Path) -> Iterator[float]:
+    """When each file under a folder was last written."""
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(FileNotFoundError):
+                yield Path(place, name).stat().st_mtime

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import obstore
@@ -57,3 +58,17 @@ def test_folders_of_files_that_could_not_be_written_go_too(store: ObjectStore, t
     assert [place.name for place in (jobs / "x").iterdir()] == ["input"]
     storage.delete_folder(store, storage.job_folder("y"))
     assert [place.name for place in jobs.iterdir()] == ["x"]
+
+
+def test_what_is_left_of_a_write_that_was_broken_off_goes_too(store: ObjectStore, tmp_path: Path) -> None:
+    """The store itself does not list it."""
+    jobs = tmp_path / "a folder" / "jobs"
+    storage.write(store, storage.image_path("x"), b"1")
+    for folder in (jobs / "x" / "input", jobs / "y" / "attempt-1"):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "image#1").write_bytes(b"half")
+    assert time.time() - storage.last_written(store, storage.job_folder("y")) < 60
+    for job_id in ("x", "y"):
+        storage.delete_folder(store, storage.job_folder(job_id))
+    assert list(jobs.iterdir()) == []
+    assert storage.last_written(store, storage.job_folder("y")) == 0
