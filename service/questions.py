@@ -17,7 +17,8 @@ from kombu.exceptions import OperationalError
 
 from service.errors import ProblemError, unavailable
 from service.jobs.repository import Changes
-from worker.questions import KEPT_SECONDS, PENDING, RENEW_SECONDS, TAKEN, Answer, question_key, withdraw
+from worker.questions import KEPT_SECONDS, PENDING, RENEW_SECONDS, TAKEN, Answer, pose, question_key, withdraw
+from worker.steps import Call
 
 _LAST_SECONDS: Final = 3.0
 """An answer is awaited so long when the server is to stop, less than it lets requests take."""
@@ -42,12 +43,15 @@ class Questions:
         """
         return await self._ask(key, task, args, seconds, again=True)
 
-    async def ask_alone(self, task: str, args: Sequence[Any], seconds: float) -> Answer | None:
+    async def ask_alone(
+        self, task: str, args: Sequence[Any], seconds: float, identity: str | None = None
+    ) -> Answer | None:
         """`ask` for what must not be done twice: it is asked once, and withdrawn by who gives up.
 
-        A while before, so that an answer under way still comes in time.
+        A while before, so that an answer under way still comes in time. Who asks again under the same
+        `identity` gets the same answer.
         """
-        key = uuid.uuid4().hex
+        key = identity or uuid.uuid4().hex
         withdrawal = asyncio.create_task(self._withdraw(key, seconds * _KEPT_SHARE))
         try:
             return await self._ask(key, task, args, seconds, again=False)
@@ -68,13 +72,15 @@ class Questions:
 
     async def _pose(self, key: str, task: str, args: Sequence[Any]) -> None:
         """Have the question answered, unless others ask it already."""
-        if await self._client.set(question_key(key), PENDING, nx=True, px=_KEPT):
+        if await self._run(pose(key, _KEPT)):
             await self._send(key, task, args)
 
     async def _withdraw(self, key: str, seconds: float) -> None:
         await asyncio.sleep(seconds)
-        call = withdraw(key)
-        await self._client.register_script(call.script)(keys=call.keys, args=call.args)
+        await self._run(withdraw(key))
+
+    async def _run(self, call: Call) -> int:
+        return int(await self._client.register_script(call.script)(keys=call.keys, args=call.args))
 
     async def _send(self, key: str, task: str, args: Sequence[Any]) -> None:
         try:

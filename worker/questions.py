@@ -1,6 +1,7 @@
 """Short tasks that somebody waits for: the API asks, a worker answers, Redis holds both for a moment.
 
 gcvec:question:KEY   "" while it waits for a worker, "taken" while one works on it, then the answer
+gcvec:asked:KEY      a token of who has asked it
 
 A question that waits is kept up by those who ask, one that is taken by the worker: without them it is gone
 within seconds, so nothing is made that nobody waits for, and what a worker has not survived is asked again.
@@ -9,6 +10,7 @@ within seconds, so nothing is made that nobody waits for, and what a worker has 
 from __future__ import annotations
 
 import json
+import uuid
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
@@ -27,6 +29,15 @@ KEPT_SECONDS: Final = 10.0
 RENEW_SECONDS: Final = 3.0
 ANSWERED_SECONDS: Final = 30
 
+# The client library runs a step again whose answer is lost: by its token it is known.
+_POSE = """
+if redis.call('SET', KEYS[1], '', 'NX', 'PX', ARGV[2]) then
+    redis.call('SET', KEYS[2], ARGV[1], 'PX', ARGV[2])
+    return 1
+end
+return redis.call('GET', KEYS[2]) == ARGV[1] and 1 or 0
+"""
+
 _TAKE = """
 if redis.call('GET', KEYS[1]) ~= '' then return 0 end
 redis.call('SET', KEYS[1], 'taken', 'PX', ARGV[1])
@@ -44,6 +55,10 @@ def question_key(key: str) -> str:
     return f"gcvec:question:{key}"
 
 
+def _keys(key: str) -> tuple[str, str]:
+    return question_key(key), f"gcvec:asked:{key}"
+
+
 @dataclass(frozen=True)
 class Answer:
     """How a short task ended: with a value, or with a problem."""
@@ -58,6 +73,11 @@ class Answer:
     def from_json(cls, text: str) -> Answer:
         fields = json.loads(text)
         return cls(fields["value"], fields["problem"] and Problem(**known_fields(Problem, fields["problem"])))
+
+
+def pose(key: str, milliseconds: int) -> Call:
+    """Ask a question; returns 0 if others ask it already."""
+    return Call(_POSE, _keys(key), (uuid.uuid4().hex, milliseconds))
 
 
 def take(key: str) -> Call:

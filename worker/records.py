@@ -9,7 +9,7 @@ from redis.backoff import ExponentialBackoff, NoBackoff
 from redis.retry import Retry
 
 from worker.job import Job
-from worker.steps import Call, record_key
+from worker.steps import Call, record_key, revision_field
 
 
 def connect(broker_url: str, *, patient: bool) -> redis.Redis:
@@ -44,6 +44,10 @@ class JobRecords:
         """Whether the job was cancelled or deleted. One of which nothing is known may just be forgotten."""
         fields = cast("dict[str, str]", self._client.hgetall(record_key(job_id)))
         return bool(fields) and fields.get("status") in (None, "canceled")
+
+    def revision_for(self, job_id: str, question: str) -> int:
+        """The number of the revision for which a question has asked before; 0 if it has not."""
+        return int(cast("str | None", self._client.hget(record_key(job_id), revision_field(question))) or 0)
 
     def get(self, job_id: str) -> Job | None:
         fields = cast("dict[str, str]", self._client.hgetall(record_key(job_id)))

@@ -109,6 +109,10 @@ def _edit(shop: Workshop, key: str, job_id: str, base: int, changes: Mapping[str
     from worker.edit import edited, revision_files
     from worker.export import load_image
 
+    if (made := shop.records.revision_for(job_id, question_key(key))) and (
+        earlier := storage.read_manifest(shop.store, job_id, made)
+    ):  # asked again: the answer was lost
+        return _kept(shop, job_id, earlier.size, str(made), made)
     manifest = storage.read_manifest(shop.store, job_id, base)
     if manifest is None:
         return Answer(problem=_GONE)
@@ -123,8 +127,9 @@ def _edit(shop: Workshop, key: str, job_id: str, base: int, changes: Mapping[str
         name: storage.write(shop.store, f"{folder}/{filename}", data, KINDS[name].media_type)
         for name, (filename, data) in files.items()
     }
-    storage.commit(shop.store, job_id, Manifest(revision, stored), revision)
-    return _kept(shop, job_id, sum(file.size for file in stored.values()), str(revision), revision)
+    manifest = Manifest(revision, stored)
+    storage.commit(shop.store, job_id, manifest, revision)
+    return _kept(shop, job_id, manifest.size, str(revision), revision)
 
 
 def _kept(shop: Workshop, job_id: str, size: int, name: str, value: object) -> Answer:

@@ -64,6 +64,16 @@ class Call:
     args: tuple[str | float, ...]
 
 
+@dataclass(frozen=True)
+class Settlement:
+    """What a key is set to, for so many seconds, if it holds the claim of who made it."""
+
+    key: str
+    claim: str
+    outcome: str
+    seconds: int
+
+
 # Steps whose answers are lost are run again: the second time these count nothing.
 _CREATE = """
 if redis.call('EXISTS', KEYS[1]) == 1 then return 1 end
@@ -73,11 +83,14 @@ local most_jobs, most_bytes = tonumber(ARGV[5]), tonumber(ARGV[6])
 if most_jobs > 0 and redis.call('SCARD', unfinished) >= most_jobs then return -1 end
 local stored = tonumber(redis.call('HGET', 'gcvec:stored', owner) or '0') + ARGV[4]
 if most_bytes > 0 and stored > most_bytes then return -2 end
-redis.call('HSET', KEYS[1], unpack(ARGV, 7))
+redis.call('HSET', KEYS[1], unpack(ARGV, 10))
 redis.call('HINCRBY', 'gcvec:stored', owner, ARGV[4])
 redis.call('SADD', unfinished, ARGV[1])
 redis.call('ZADD', 'gcvec:active', ARGV[3], ARGV[1])
 redis.call('ZADD', 'gcvec:jobs:' .. owner, ARGV[3], ARGV[1])
+if KEYS[4] and redis.call('GET', KEYS[4]) == ARGV[7] then
+    redis.call('SET', KEYS[4], ARGV[8], 'EX', ARGV[9])
+end
 return 1
 """
 
@@ -163,8 +176,12 @@ return 1
 
 _REVISE = """
 if redis.call('HGET', KEYS[1], 'status') ~= 'succeeded' then return 0 end
+local made = redis.call('HGET', KEYS[1], ARGV[1])
+if made then return tonumber(made) end
 if redis.call('EXISTS', KEYS[2]) == 0 then return -1 end
-return redis.call('HINCRBY', KEYS[1], 'revisions', 1)
+made = redis.call('HINCRBY', KEYS[1], 'revisions', 1)
+redis.call('HSET', KEYS[1], ARGV[1], made)
+return made
 """
 
 _RETIRE = """
@@ -190,15 +207,19 @@ def _keys(job_id: str) -> tuple[str, str, str]:
     return record_key(job_id), lease_key(job_id), events_key(job_id)
 
 
-def create(job: Job, *, most_jobs: int, most_bytes: int) -> Call:
-    """Write the record of a new job.
+def create(job: Job, *, most_jobs: int, most_bytes: int, settled: Settlement | None = None) -> Call:
+    """Write the record of a new job, and at the same time what is `settled` by it.
 
     Returns `TOO_MANY_JOBS` or `TOO_MANY_BYTES` if the owner would have more unfinished jobs or more stored
     than so much (0: no limit).
     """
     fields = [part for field in job.to_fields().items() for part in field]
     start = (job.id, job.owner, job.created_at, job.bytes, most_jobs, most_bytes)
-    return Call(_CREATE, _keys(job.id), (*start, *fields))
+    keys = _keys(job.id)
+    if settled is None:
+        return Call(_CREATE, keys, (*start, "", "", 0, *fields))
+    settling = (settled.claim, settled.outcome, settled.seconds)
+    return Call(_CREATE, (*keys, settled.key), (*start, *settling, *fields))
 
 
 def claim(job_id: str) -> Call:
@@ -251,13 +272,18 @@ def grow(job_id: str, size: int, name: str) -> Call:
     return Call(_GROW, (record_key(job_id),), (size, name))
 
 
+def revision_field(question: str) -> str:
+    """The field of a record that holds the number of the revision for which a question has asked."""
+    return f"revision:{question}"
+
+
 def revise(job_id: str, question: str) -> Call:
-    """The number of a new revision; 0 if the job has no result or is gone.
+    """The number of a new revision, always the same for a question; 0 if the job has no result or is gone.
 
     `NOT_AWAITED` if the key of the `question` that asks for it is gone: nobody waits for the edit any more,
     and who still wants it has asked again.
     """
-    return Call(_REVISE, (record_key(job_id), question), ())
+    return Call(_REVISE, (record_key(job_id), question), (revision_field(question),))
 
 
 def retire(job_id: str) -> Call:

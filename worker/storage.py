@@ -51,6 +51,11 @@ class Manifest:
     warnings: tuple[str, ...] = ()
     totals: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def size(self) -> int:
+        """Bytes of all files together."""
+        return sum(file.size for file in self.files.values())
+
     def to_json(self) -> bytes:
         return json.dumps(asdict(self)).encode()
 

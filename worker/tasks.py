@@ -129,13 +129,12 @@ def _insist(step: Callable[[], T]) -> T:
 
 def _succeed(shop: Workshop, job: Job, manifest: Manifest) -> None:
     retention = shop.settings.retention.total_seconds()
-    stored = sum(file.size for file in manifest.files.values())
     ended = finish(
         job.id,
         "succeeded",
         retention=retention,
         warnings=manifest.warnings,
-        bytes_stored=job.bytes + stored,
+        bytes_stored=job.bytes + manifest.size,
         totals=manifest.totals,
     )
     if not shop.records.run(ended):

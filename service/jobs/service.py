@@ -20,6 +20,7 @@ from redis.exceptions import RedisError
 
 from service.deps import Services
 from service.errors import ProblemError, unavailable
+from service.idempotency import Once
 from service.jobs.repository import Event
 from service.jobs.schemas import JobView
 from service.jobs.uploads import Upload, check, request_of
@@ -39,7 +40,7 @@ async def submit(services: Services, owner: str, upload: Upload, key: str | None
     fingerprint = await to_thread.run_sync(fingerprint_of, upload)
     async with services.idempotency.once(owner, key, fingerprint) as once:
         if once.outcome is None:
-            job = await _create(services, owner, upload)
+            job = await _create(services, owner, upload, once)
             once.outcome = job.id
             return job
     _, earlier = await services.jobs.find(once.outcome)
@@ -48,7 +49,7 @@ async def submit(services: Services, owner: str, upload: Upload, key: str | None
     return earlier
 
 
-async def _create(services: Services, owner: str, upload: Upload) -> Job:
+async def _create(services: Services, owner: str, upload: Upload, once: Once) -> Job:
     """Check the upload, keep its files, record the job and queue it; on any failure nothing is left."""
     header = await to_thread.run_sync(check, upload, services.settings)
     await services.jobs.ping()
@@ -64,7 +65,7 @@ async def _create(services: Services, owner: str, upload: Upload) -> Job:
     logs.from_now_on_about(job.id)
     try:
         await _keep_files(services, job, upload)
-        await _record(services, job)
+        await _record(services, job, once)
         await to_thread.run_sync(_enqueue, services, job.id)
     except BaseException:
         await asyncio.shield(_undo(services, job))
@@ -78,10 +79,10 @@ async def _keep_files(services: Services, job: Job, upload: Upload) -> None:
         await obstore.put_async(services.store, storage.annotations_path(job.id), upload.annotations)
 
 
-async def _record(services: Services, job: Job) -> None:
+async def _record(services: Services, job: Job, once: Once) -> None:
     settings = services.settings
     limits = {"most_jobs": settings.max_unfinished_jobs, "most_bytes": settings.max_stored_bytes}
-    outcome = await services.jobs.run(create(job, **limits))
+    outcome = await services.jobs.run(create(job, **limits, settled=once.settlement(job.id)))
     if outcome == TOO_MANY_JOBS:
         detail = f"this key has {settings.max_unfinished_jobs} unfinished jobs, as many as it may"
         raise ProblemError("too-many-jobs", detail, headers={"Retry-After": "10"})

@@ -37,7 +37,7 @@ async def edit_job(
     fingerprint = hashlib.sha256(request.encode()).hexdigest()
     async with services.idempotency.once(owner, idempotency_key, fingerprint) as once:
         if once.outcome is None:
-            once.outcome = str(await _edit(services, job, edits))
+            once.outcome = str(await _edit(services, job, edits, once.identity))
     return RevisionView.of(job.id, int(once.outcome))
 
 
@@ -51,15 +51,15 @@ async def get_revision(result: RevisedDep) -> RevisionView:
     return RevisionView.of(result.job.id, result.revision)
 
 
-async def _edit(services: Services, job: Job, edits: Edits) -> int:
-    """The number of the new revision."""
+async def _edit(services: Services, job: Job, edits: Edits, identity: str | None) -> int:
+    """The number of the new revision, or of the one that the same request has made before."""
     await find_result(services, job, edits.revision)
     if not edits.moves and not edits.recolors:
         raise ProblemError("invalid-request", "there is nothing to change", pointer="/body")
     await require_room(services, job.owner)
     changes = edits.model_dump(exclude={"revision"})
     args = [job.id, edits.revision, changes]
-    answer = await services.questions.ask_alone(EDIT, args, _EDIT_SECONDS)
+    answer = await services.questions.ask_alone(EDIT, args, _EDIT_SECONDS, identity)
     if answer is None:
         raise ProblemError("unavailable", "no worker has made the edit in time", headers={"Retry-After": "5"})
     return int(answer.value)

@@ -1,20 +1,27 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing
-from typing import Any
+from typing import Any, NoReturn
 
 import httpx
 import pytest
+from redis.asyncio import Redis
+from redis.exceptions import ConnectionError as RedisConnectionError
 
+from service import idempotency
 from service.errors import ProblemError
 from service.idempotency import Idempotency
 from service.jobs.repository import connect as connect_async
+from tests.broker import client_of
 from tests.service.in_process import Jobs
 from tests.uploads import cvat, png
+from worker import steps
 from worker.settings import Settings
-from worker.steps import finish
+from worker.steps import STORED, finish
 
 IMAGE = ("a.png", png())
 
@@ -96,3 +103,73 @@ def test_a_request_that_is_never_finished_blocks_its_key_for_a_minute(settings: 
             return int(await client.ttl(name))
 
     assert 0 < asyncio.run(run()) <= 60
+
+
+def sha(script: str) -> str:
+    """The name by which a script is called."""
+    return hashlib.sha1(script.encode()).hexdigest()
+
+
+@pytest.fixture
+def losing(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
+    """Have the first answers of Redis to a command be lost, so many: what it asks for is done."""
+
+    def lose(wanted: str, times: int) -> None:
+        left = [times]
+        ask = Redis._send_command_parse_response
+
+        async def asked(self: Any, connection: Any, name: str, *args: Any, **named: Any) -> Any:
+            answer = await ask(self, connection, name, *args, **named)
+            if left[0] and wanted in map(str, args):
+                left[0] -= 1
+                raise RedisConnectionError("the answer is lost")
+            return answer
+
+        monkeypatch.setattr(Redis, "_send_command_parse_response", asked)
+
+    return lose
+
+
+CLAIM, MAKE, KEEP = "SET", sha(steps._CREATE), sha(idempotency._SETTLE)
+
+
+@pytest.mark.parametrize(
+    ("command", "times", "status"),
+    [(CLAIM, 1, 202), (CLAIM, 2, 503), (MAKE, 1, 202), (MAKE, 2, 503), (KEEP, 1, 202), (KEEP, 2, 202)],
+)
+def test_an_answer_that_is_lost_is_met_at_once(
+    api: httpx.Client,
+    settings: Settings,
+    losing: Callable[[str, int], None],
+    command: str,
+    times: int,
+    status: int,
+) -> None:
+    """A command is sent again by the client library, and then by the client."""
+    jobs = {submit(api, "before").json()["id"]}
+    losing(command, times)
+    for expected in (status, 202):
+        answer = submit(api, "k")
+        assert answer.status_code == expected, answer.text
+    jobs.add(answer.json()["id"])
+    assert {job["id"] for job in api.get("/v1/jobs").json()["jobs"]} == jobs
+    assert int(client_of(settings.broker_url).hvals(STORED)[0]) == 2 * len(IMAGE[1])
+
+
+def test_a_job_whose_creation_was_not_heard_of_is_the_one(
+    api: httpx.Client, losing: Callable[[str, int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Redis was away from then on: what was made could not be taken back, nor the outcome be kept."""
+
+    async def away(*_: object) -> NoReturn:
+        raise RedisConnectionError
+
+    submit(api, "before")
+    with monkeypatch.context() as outage:
+        losing(MAKE, 2)
+        outage.setattr(Idempotency, "_settle", away)
+        outage.setattr("service.jobs.service._undo", away)
+        assert submit(api, "k").status_code == 503
+    made, _ = api.get("/v1/jobs").json()["jobs"]
+    assert submit(api, "k").json()["id"] == made["id"]
+    assert len(api.get("/v1/jobs").json()["jobs"]) == 2

@@ -15,7 +15,7 @@ from service.questions import Questions
 from tests.broker import client_of
 from worker.app import create_celery
 from worker.problems import problem
-from worker.questions import PENDING, TAKEN, Answer, give, question_key
+from worker.questions import PENDING, TAKEN, Answer, give, pose, question_key
 from worker.queues import EDIT, EXPORT, EXPORTS_QUEUE, SHORT_QUEUE
 from worker.settings import Settings
 
@@ -114,6 +114,15 @@ def test_an_edit_is_asked_once(settings: Settings, monkeypatch: pytest.MonkeyPat
 
     assert asking(settings, one) is None
     assert client.llen(SHORT_QUEUE) == 1
+
+
+def test_a_question_whose_answer_was_lost_is_sent_all_the_same(settings: Settings) -> None:
+    """The client library asks again, and finds it asked."""
+    client, call = client_of(settings.broker_url), pose("key", 10_000)
+    ask = client.register_script(call.script)
+    assert [ask(keys=call.keys, args=call.args) for _ in range(2)] == [1, 1]
+    other = pose("key", 10_000)
+    assert ask(keys=other.keys, args=other.args) == 0
 
 
 def test_an_answer_is_read_as_it_was_given() -> None:

@@ -5,8 +5,11 @@ from typing import Any
 import httpx
 import pytest
 
+from service.errors import unavailable
+from service.questions import Questions
 from tests.service.in_process import Jobs
 from worker import storage
+from worker.questions import Answer
 from worker.storage import Manifest
 
 MOVE = {"curve": 0, "index": 1, "dx": 1.5, "dy": 0}
@@ -84,3 +87,30 @@ def test_a_derived_file_is_served_from_the_store(api: httpx.Client, jobs: Jobs) 
     answer = api.get(f"/v1/jobs/{job_id}/preview.png?scale=2.5")
     assert (answer.status_code, answer.content) == (200, b"drawn before")
     assert answer.headers["content-type"] == "image/png"
+
+
+def test_an_edit_that_is_asked_for_again_is_the_same_to_workers(
+    api: httpx.Client, jobs: Jobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So they know the revision that they have made, if the answer was lost."""
+    asked: list[str | None] = []
+
+    async def ask_alone(_: Questions, task: str, args: Any, seconds: float, identity: str | None) -> Answer:
+        asked.append(identity)
+        if len(asked) == 1:
+            raise unavailable("the job records cannot be reached")
+        return Answer(1)
+
+    monkeypatch.setattr(Questions, "ask_alone", ask_alone)
+    path = f"/v1/jobs/{jobs.finished()}/edits"
+    calls = [("k", 0), ("k", 0), ("k", 0), ("other", 0), ("third", 1), (None, 0)]
+    statuses = []
+    for key, patch in calls:
+        edits = {"recolors": [{"patch": patch, "color": "#204060"}]}
+        headers = {"Idempotency-Key": key} if key else {}
+        statuses.append(api.post(path, json=edits, headers=headers).status_code)
+    assert statuses == [503, 200, 200, 200, 200, 200]
+    first, again, *others, without = asked  # the third call is answered without a worker
+    assert first == again
+    assert len({first, *others}) == 3
+    assert without is None

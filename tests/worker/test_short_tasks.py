@@ -15,7 +15,7 @@ from worker.artifacts import KINDS
 from worker.export import load_image
 from worker.job import Job
 from worker.questions import PENDING, TAKEN, Answer, question_key, take, withdraw
-from worker.steps import record_key
+from worker.steps import record_key, revise
 from worker.storage import Manifest
 from worker.workshop import Workshop
 
@@ -62,6 +62,19 @@ def test_an_edit_that_is_awaited_is_made(shop: Workshop, job_id: str) -> None:
     shop.client.set(question_key(KEY), PENDING)
     assert recolor(shop, job_id) == Answer(1)
     assert storage.read_manifest(shop.store, job_id, 1) is not None
+
+
+def test_an_edit_whose_answer_was_lost_is_not_made_again(shop: Workshop, job_id: str) -> None:
+    """Nor is its revision counted twice where the answer to that was lost."""
+    for _ in range(2):
+        shop.client.set(question_key(KEY), PENDING)
+        assert recolor(shop, job_id) == Answer(1)
+        assert shop.records.run(revise(job_id, question_key(KEY))) == 1
+    shop.client.set(question_key("another"), PENDING)
+    assert shop.records.run(revise(job_id, question_key("another"))) == 2
+    job = shop.records.get(job_id)
+    assert job is not None
+    assert job.revisions == 2
 
 
 def test_an_edit_that_nobody_waits_for_any_more_is_not_made(shop: Workshop, job_id: str) -> None:
