@@ -21,7 +21,7 @@ from worker import logs
 from worker.job import Job
 from worker.orphans import FOREIGN_STORE
 from worker.queues import QUEUES
-from worker.steps import ACTIVE, CHANGES, STORED, TOTALS, Call, events_key, owner_key, record_key
+from worker.steps import ACTIVE, CHANGES, STORED, TOTALS, Call, events_key, lease_key, owner_key, record_key
 
 logger = logging.getLogger(__name__)
 
@@ -57,6 +57,7 @@ class Event:
 class Figures:
     """How the service stands: unfinished jobs by status, messages by queue, counts since the beginning.
 
+    A job whose worker was killed waits for another, whatever its record still says.
     `foreign_store` says that the store belongs to another Redis.
     """
 
@@ -123,16 +124,16 @@ class JobRepository:
         active = await self._client.zrange(ACTIVE, 0, -1, withscores=True)
         async with self._client.pipeline(transaction=False) as pipeline:
             for job_id, _ in active:
-                pipeline.hget(record_key(job_id), "status")
+                pipeline.exists(lease_key(job_id))
             for queue in QUEUES:
                 pipeline.llen(queue)
             pipeline.hgetall(TOTALS)
             pipeline.exists(FOREIGN_STORE)
             *answers, totals, foreign = await pipeline.execute()
-        statuses, lengths = answers[: len(active)], answers[len(active) :]
-        waiting = [since for (_, since), status in zip(active, statuses, strict=True) if status == "queued"]
+        leased, lengths = answers[: len(active)], answers[len(active) :]
+        waiting = [since for (_, since), held in zip(active, leased, strict=True) if not held]
         return Figures(
-            unfinished={status: statuses.count(status) for status in ("queued", "running")},
+            unfinished={"queued": len(waiting), "running": len(active) - len(waiting)},
             messages=dict(zip(QUEUES, lengths, strict=True)),
             oldest_queued=min(waiting, default=None),
             totals={name: float(value) for name, value in totals.items()},

@@ -3,9 +3,11 @@ from __future__ import annotations
 import httpx
 from prometheus_client.parser import text_string_to_metric_families
 
+from tests.broker import client_of
 from tests.service.in_process import Jobs
 from worker.problems import problem
-from worker.steps import claim, finish
+from worker.settings import Settings
+from worker.steps import claim, finish, lease_key
 
 
 def figures(api: httpx.Client) -> dict[tuple[str, str], float]:
@@ -45,3 +47,14 @@ def test_what_happens_is_counted(api: httpx.Client, jobs: Jobs) -> None:
     assert now["gcvec_stage_seconds_total", "evaluation"] == 1.5
     assert now["gcvec_points_total", ""] == 7
     assert now["gcvec_attempts_total", ""] == 3
+
+
+def test_a_job_whose_worker_was_killed_does_not_run(
+    api: httpx.Client, jobs: Jobs, settings: Settings
+) -> None:
+    for job_id in (lost := jobs.submit(), jobs.submit()):
+        jobs.records.run(claim(job_id))
+    client_of(settings.broker_url).delete(lease_key(lost))  # as it is some seconds later
+    now = figures(api)
+    assert (now["gcvec_jobs", "queued"], now["gcvec_jobs", "running"]) == (1, 1)
+    assert now["gcvec_oldest_queued_seconds", ""] > 0
