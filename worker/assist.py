@@ -7,6 +7,7 @@ acknowledged, so that its worker fetches no job that it could not begin.
 from __future__ import annotations
 
 import logging
+import uuid
 from functools import lru_cache
 from typing import Any
 
@@ -34,10 +35,11 @@ def assist(job_id: str, attempt: int, number: int) -> None:
         try:
             job = shop.progress.get(job_id)
             while job is not None and not shop.progress.client.llen(JOBS_QUEUE):
-                part = shop.progress.run(claim_part(job_id, attempt, number))
+                token = uuid.uuid4().hex
+                part = shop.progress.run(claim_part(job_id, attempt, number, token))
                 if part == NOTHING:
                     return
-                _do_part(shop, job, attempt, number, part)
+                _do_part(shop, job, attempt, number, part, token)
         except StopError:
             logger.info("job %s: no longer assisted", job_id)
         except (BaseError, OSError, MemoryError, redis.RedisError) as error:
@@ -46,7 +48,7 @@ def assist(job_id: str, attempt: int, number: int) -> None:
             logger.exception("job %s: not assisted", job_id)
 
 
-def _do_part(shop: Workshop, job: Job, attempt: int, number: int, part: int) -> None:
+def _do_part(shop: Workshop, job: Job, attempt: int, number: int, part: int, token: str) -> None:
     """Leave the result of a part in the store, unless it is no longer wanted by then."""
     from gcvec.parallel import use_workers
     from gcvec.parts.messages import request_from, result_bytes
@@ -54,7 +56,7 @@ def _do_part(shop: Workshop, job: Job, attempt: int, number: int, part: int) -> 
     from worker.produce import threads
 
     logger.info("job %s: round %d, part %d, assists attempt %d", job.id, number, part, attempt)
-    with _Claim(shop.progress, job.id, attempt, number, part) as claim:
+    with _Claim(shop.progress, job.id, attempt, number, part, token) as claim:
         path = storage.part_path(job.id, attempt, number, part, "request")
         request = request_from(storage.read(shop.store, path))
         use_workers(threads(job.request, shop.settings))
@@ -85,10 +87,12 @@ def _photo(job_id: str) -> Any:
 class _Claim(Keeper):
     """A claim that is renewed while the part is worked on."""
 
-    def __init__(self, records: JobRecords, job_id: str, attempt: int, number: int, part: int) -> None:
+    def __init__(
+        self, records: JobRecords, job_id: str, attempt: int, number: int, part: int, token: str
+    ) -> None:
         super().__init__("claim")
         self._records = records
-        self._renewal = job_id, attempt, number, part
+        self._renewal = job_id, attempt, number, part, token
         self._outage = logs.Outage(
             logger, f"job {job_id}: claim not renewed", f"job {job_id}: claim renewed again"
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import time
+import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -24,7 +25,7 @@ from gcvec.refinement.scene import Step
 from worker import storage
 from worker.app import app
 from worker.attempt import Attempt
-from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key
+from worker.claims import NOTHING, claim_part, end_part, holders_key, open_round, parts_key
 from worker.job import Job
 from worker.queues import ASSIST, JOBS_QUEUE
 from worker.workshop import Workshop
@@ -95,7 +96,8 @@ class FanOut:
     def _ready(self, waiting: Mapping[int, PartRequest]) -> dict[int, PartResult | None]:
         """Parts to go on with: what others have made of them, or None where it is for us to do them."""
         job = self._job
-        claim = claim_part(job.id, job.attempt, self._round, self._shop.settings.job_seconds)
+        seconds = self._shop.settings.job_seconds
+        claim = claim_part(job.id, job.attempt, self._round, uuid.uuid4().hex, seconds)
         try:
             part = self._shop.progress.run(claim)
             if part in waiting:
@@ -133,7 +135,8 @@ class FanOut:
         """Remove what was for the others. Who is late removes what it has written itself."""
         job = self._job
         try:
-            self._client.delete(parts_key(job.id, job.attempt, self._round))
+            round_ = job.id, job.attempt, self._round
+            self._client.delete(parts_key(*round_), holders_key(*round_))
             storage.delete_folder(self._shop.store, storage.round_folder(job.id, job.attempt, self._round))
         except (BaseError, OSError, redis.RedisError) as error:
             logger.warning("job %s: files of parts stay for now (%s)", job.id, type(error).__name__)

@@ -7,6 +7,7 @@ to the next. Whoever waits for the answer asks again; what nobody waits for is n
 from __future__ import annotations
 
 import logging
+import uuid
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -69,12 +70,13 @@ def tidy() -> None:
 def _answer(key: str, job_id: str, work: Callable[[Workshop], Answer]) -> None:
     shop = workshop()
     with logs.about(job_id):
-        if not shop.records.run(take(key)):
+        token = uuid.uuid4().hex
+        if not shop.records.run(take(key, token)):
             logger.info("job %s: nobody waits for this any more", job_id)
             return
-        with Hold(shop.client, key):
+        with Hold(shop.records, key, token):
             answer = _outcome(shop, work)
-        give(shop.client, key, answer)
+        shop.records.run(give(key, token, answer))
 
 
 def _outcome(shop: Workshop, work: Callable[[Workshop], Answer]) -> Answer:

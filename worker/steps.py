@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import time
+import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -97,10 +98,13 @@ return 1
 _CLAIM = """
 local status = redis.call('HGET', KEYS[1], 'status')
 if status ~= 'queued' and status ~= 'running' then return 0 end
-if redis.call('EXISTS', KEYS[2]) == 1 then return 0 end
+if redis.call('EXISTS', KEYS[2]) == 1 then
+    if redis.call('HGET', KEYS[1], 'claim') == ARGV[4] then return redis.call('HGET', KEYS[1], 'attempt') end
+    return 0
+end
 local attempt = redis.call('HINCRBY', KEYS[1], 'attempt', 1)
 redis.call('HSETNX', KEYS[1], 'started_at', ARGV[2])
-redis.call('HSET', KEYS[1], 'status', 'running')
+redis.call('HSET', KEYS[1], 'status', 'running', 'claim', ARGV[4])
 redis.call('HINCRBY', 'gcvec:totals', 'attempts', 1)
 if attempt == 1 and redis.call('HEXISTS', KEYS[1], 'webhook') == 1 then
     redis.call('ZADD', 'gcvec:deliveries', ARGV[2], ARGV[1] .. ' running')
@@ -223,8 +227,12 @@ def create(job: Job, *, most_jobs: int, most_bytes: int, settled: Settlement | N
 
 
 def claim(job_id: str) -> Call:
-    """Begin an attempt and return its number; 0 if the job is unknown, has finished or runs elsewhere."""
-    return Call(_CLAIM, _keys(job_id), (job_id, time.time(), int(LEASE_SECONDS * 1000)))
+    """Begin an attempt and return its number; 0 if the job is unknown, has finished or runs elsewhere.
+
+    The number stands for the claim in all that follows, and a token where its answer is lost.
+    """
+    lease = int(LEASE_SECONDS * 1000)
+    return Call(_CLAIM, _keys(job_id), (job_id, time.time(), lease, uuid.uuid4().hex))
 
 
 def report(job_id: str, attempt: int, events: Iterable[Mapping[str, Any]]) -> Call:

@@ -16,7 +16,7 @@ import pytest
 from tests.fleet import SHORT, Api, Fleet, Process, picture
 from tests.waiting import within
 from worker.app import create_celery
-from worker.claims import NOTHING, claim_part, end_part, open_round, parts_key, renew_part
+from worker.claims import NOTHING, claim_part, end_part, holders_key, open_round, parts_key, renew_part
 from worker.job import Job
 from worker.queues import ASSIST, JOBS_QUEUE, PARTS_QUEUE, VECTORIZE
 from worker.settings import Settings
@@ -205,20 +205,25 @@ def test_claims_are_leases_of_the_attempt_that_runs(shared: Fleet) -> None:
     job = Job(id="a", owner="me", status="queued", created_at=0)
     assert run(create(job, most_jobs=0, most_bytes=0))
     open_round(shared.client, "a", 1, 7, 2, 60)
-    assert run(claim_part("a", 1, 7)) == NOTHING  # it does not run
+    assert run(claim_part("a", 1, 7, "us")) == NOTHING  # it does not run
     assert run(claim("a")) == 1
-    assert [run(claim_part("a", 1, 7)) for _ in range(3)] == [0, 1, NOTHING]
+    assert [run(claim_part("a", 1, 7, "us")) for _ in range(3)] == [0, 1, NOTHING]
     assert 0 < shared.client.ttl(key) <= 61
-    assert run(renew_part("a", 1, 7, 0)) == 1
+    assert run(renew_part("a", 1, 7, 0, "us")) == 1
     assert run(end_part("a", 1, 7, 0)) == 1
     assert run(end_part("a", 1, 7, 0)) == 0
-    assert run(renew_part("a", 1, 7, 0)) == 0
+    assert run(renew_part("a", 1, 7, 0, "us")) == 0
     shared.client.zadd(key, {"1": 1.0})  # long ago
-    assert run(claim_part("a", 1, 7)) == 1
-    assert run(claim_part("a", 2, 7)) == NOTHING
+    assert run(claim_part("a", 1, 7, "others")) == 1
+    until = shared.client.zscore(key, "1")
+    assert run(renew_part("a", 1, 7, 1, "us")) == 0  # who has lost it
+    assert shared.client.zscore(key, "1") == until
+    assert run(renew_part("a", 1, 7, 1, "others")) == 1
+    assert 0 < shared.client.ttl(holders_key("a", 1, 7)) <= 61
+    assert run(claim_part("a", 2, 7, "us")) == NOTHING
     shared.client.delete("gcvec:lease:a")
     assert run(claim("a")) == 2
-    assert [run(step("a", 1, 7, 1)) for step in (renew_part, end_part)] == [0, 0]
+    assert [run(step) for step in (renew_part("a", 1, 7, 1, "others"), end_part("a", 1, 7, 1))] == [0, 0]
 
 
 def test_no_helper_keeps_a_job_waiting(shared: Fleet) -> None:

@@ -15,8 +15,9 @@ from service.questions import Questions
 from tests.broker import client_of
 from worker.app import create_celery
 from worker.problems import problem
-from worker.questions import PENDING, TAKEN, Answer, give, pose, question_key
+from worker.questions import FAILED_SECONDS, PENDING, TAKEN, Answer, give, hold, pose, question_key, take
 from worker.queues import EDIT, EXPORT, EXPORTS_QUEUE, SHORT_QUEUE
+from worker.records import JobRecords
 from worker.settings import Settings
 
 
@@ -37,7 +38,10 @@ def asking(settings: Settings, work: Callable[[Questions], Awaitable[Any]]) -> A
 
 async def answered(settings: Settings, answer: Answer, after: float = 0.3) -> None:
     await asyncio.sleep(after)
-    await asyncio.to_thread(give, client_of(settings.broker_url), "key", answer)
+    records = JobRecords(client_of(settings.broker_url))
+    await asyncio.to_thread(
+        lambda: [records.run(step) for step in (take("key", "us"), give("key", "us", answer))]
+    )
 
 
 def test_however_many_ask_the_work_is_done_once(settings: Settings) -> None:
@@ -123,6 +127,44 @@ def test_a_question_whose_answer_was_lost_is_sent_all_the_same(settings: Setting
     assert [ask(keys=call.keys, args=call.args) for _ in range(2)] == [1, 1]
     other = pose("key", 10_000)
     assert ask(keys=other.keys, args=other.args) == 0
+
+
+def test_who_has_lost_a_question_has_no_say_in_it_any_more(settings: Settings) -> None:
+    """But who has taken it and did not hear of that has."""
+    client = client_of(settings.broker_url)
+    run = JobRecords(client).run
+    for worker in ("slow", "next"):
+        assert run(pose("key", 10_000)) == 1
+        assert [run(take("key", worker)) for _ in range(2)] == [1, 1]
+        assert run(take("key", "other")) == 0
+        if worker == "slow":
+            client.delete(question_key("key"))  # forgotten, and asked again
+    client.pexpire(question_key("key"), 1_000)
+    assert [run(step) for step in (hold("key", "slow"), give("key", "slow", Answer(1)))] == [0, 0]
+    assert client.get(question_key("key")) == TAKEN
+    assert client.pttl(question_key("key")) <= 1_000
+    assert run(hold("key", "next")) == 1
+    assert client.pttl(question_key("key")) > 1_000
+    assert run(give("key", "next", Answer(2))) == 1
+    assert Answer.from_json(str(client.get(question_key("key")))) == Answer(2)
+
+
+def test_a_failure_is_known_for_some_seconds_then_tried_again(settings: Settings) -> None:
+    """Everybody who asks meanwhile gets to know it, and it is over before they are to come back."""
+    client, trouble = client_of(settings.broker_url), Answer(problem=problem("unavailable", "no store"))
+
+    async def several(asker: Questions) -> list[str | None]:
+        asked = [asker.ask("key", EXPORT, [], 10) for _ in range(2)]
+        first = await asyncio.gather(*asked, answered(settings, trouble), return_exceptions=True)
+        late = await asyncio.gather(asker.ask("key", EXPORT, [], 10), return_exceptions=True)
+        return [
+            error.headers["Retry-After"] for error in (*first[:2], *late) if isinstance(error, ProblemError)
+        ]
+
+    retries = asking(settings, several)
+    assert client.llen(EXPORTS_QUEUE) == 1
+    assert len(retries) == 3
+    assert 0 < client.pttl(question_key("key")) <= 1000 * FAILED_SECONDS < 1000 * int(retries[0])
 
 
 def test_an_answer_is_read_as_it_was_given() -> None:

@@ -191,3 +191,10 @@ def test_a_step_whose_answer_was_lost_counts_once(records: JobRecords, client: r
     assert client.hget(STORED, owner) == "1500"
     records.run(retire(name))
     assert client.hget(STORED, owner) == "0"
+
+
+def test_a_claim_whose_answer_was_lost_is_the_same(records: JobRecords, job: Job) -> None:
+    """The client library runs a step again then."""
+    step = claim(job.id)
+    assert [records.run(step) for _ in range(2)] == [1, 1]
+    assert records.run(claim(job.id)) == 0

@@ -106,7 +106,7 @@ def test_an_edit_withdrawn_while_it_is_made_is_not_kept(
 ) -> None:
     def slowly(*_: Any) -> Any:
         assert shop.client.get(question_key(KEY)) == TAKEN
-        assert shop.records.run(take(KEY)) == 0
+        assert shop.records.run(take(KEY, "other")) == 0
         assert shop.records.run(withdraw(KEY)) == 1
         return image
 
