@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from gcvec.errors import InputError
+from gcvec.hex_color import HEX_COLOR
 from gcvec.io import Limits
 
 _SHORTEST_KEY: Final = 16
@@ -83,7 +84,7 @@ class Settings(BaseSettings):
 
     matte: str = Field(
         default="#ffffff",
-        pattern="^#[0-9a-fA-F]{6}$",
+        pattern=f"^{HEX_COLOR}$",
         description="what transparent pixels are laid over, unless a job says otherwise",
     )
 

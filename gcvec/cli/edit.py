@@ -10,13 +10,14 @@ import click
 
 from gcvec.cli._files import about, check_files, load_vector_image, read, warn, write
 from gcvec.cli._options import INPUT_FILE, vector_image_output_option
+from gcvec.hex_color import HEX_COLOR
 
 if TYPE_CHECKING:
     from gcvec.edit import Move, Recolor
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 MOVE = re.compile(rf"(\d+):(\d+):({NUMBER}),({NUMBER})")
-RECOLOR = re.compile(r"(\d+):#([0-9a-fA-F]{6})")
+RECOLOR = re.compile(rf"(\d+):({HEX_COLOR})")
 
 
 @click.command()

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, field_validator
 
+from gcvec.hex_color import HEX_COLOR
 from gcvec.options import Options
 from service.errors import ProblemView
 from worker.artifacts import EXPORTS, KINDS
@@ -16,7 +17,7 @@ from worker.webhooks import SECRET_PREFIX
 
 EventName = Literal["job.started", "job.succeeded", "job.failed", "job.canceled"]
 Name = Annotated[str, StringConstraints(max_length=1024)]
-Color = Annotated[str, StringConstraints(pattern="^#[0-9a-fA-F]{6}$")]
+Color = Annotated[str, StringConstraints(pattern=f"^{HEX_COLOR}$")]
 
 
 def _whole(number: object) -> object:

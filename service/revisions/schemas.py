@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.jobs.schemas import job_path
+from service.jobs.schemas import Color, job_path
 from worker.artifacts import EXPORTS, KINDS, REVISED
 
 _MOST_CHANGES: Final = 10_000
@@ -32,7 +32,7 @@ class Recolor(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
     patch: Index = Field(description="id of the patch in the patch description")
-    color: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$", description="#rrggbb")]
+    color: Color = Field(description="#rrggbb")
 
 
 class Edits(BaseModel):

@@ -86,11 +86,12 @@ def test_the_api_by_itself_names_a_wrong_setting_too() -> None:
             for start in ("redis://h:6379", "rediss://me:secret@h", "redis://[::1]")
         ),
         *({"broker_url": url} for url in ("redis://", "redis://h", "redis://h/?health_check_interval=5")),
+        *({"matte": color} for color in ("#ffFF00", "ffff00")),
         *({"storage_url": url} for url in ("", "file:///data", "s3://bucket", "s3://bucket/prefix")),
     ],
     ids=str,
 )
-def test_every_address_that_can_be_used_is_accepted(good: dict[str, str]) -> None:
+def test_what_can_be_used_is_accepted(good: dict[str, str]) -> None:
     assert Settings(**good)  # type: ignore[arg-type]
 
 

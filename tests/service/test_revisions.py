@@ -24,6 +24,7 @@ MOVE = {"curve": 0, "index": 1, "dx": 1.5, "dy": 0}
         ({"moves": [{**MOVE, "index": "1"}]}, "/body/moves/0/index"),
         ({"moves": [{**MOVE, "dx": 1e6}]}, "/body/moves/0/dx"),
         ({"recolors": [{"patch": 0, "color": "red"}]}, "/body/recolors/0/color"),
+        ({"recolors": [{"patch": 0, "color": "204060"}, {"patch": 0}]}, "/body/recolors/1/color"),
         ({"recolors": [{"patch": 0}]}, "/body/recolors/0/color"),
         ({"paint": []}, "/body/paint"),
         ([], "/body"),

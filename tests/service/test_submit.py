@@ -133,6 +133,13 @@ def test_whole_numbers_are_numbers_whatever_way_they_are_written(jobs: Jobs) -> 
     )
 
 
+@pytest.mark.parametrize("matte", ["#10c020", "10C020"])
+def test_a_colour_may_be_written_without_its_sign(jobs: Jobs, matte: str) -> None:
+    job = jobs.records.get(jobs.submit(matte=matte))
+    assert job is not None
+    assert job.request["matte"] == matte
+
+
 def test_the_image_must_be_in_the_annotations_when_it_is_named(api: httpx.Client) -> None:
     files = {"image": IMAGE, "annotations": ("a.xml", cvat("other.png"))}
     assert api.post("/v1/jobs", files=files).status_code == 202
