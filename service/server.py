@@ -13,7 +13,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from gcvec.errors import InputError
 from service.sockets import listen
-from worker import logs
+from worker import logs, storage
 from worker.settings import get_settings
 
 MOST_HEADER_BYTES: Final = 64_000
@@ -79,6 +79,7 @@ def main() -> None:
     """Serve on HOST:PORT, or on the inherited listening socket whose descriptor is the only argument."""
     try:
         logs.start(get_settings())
+        storage.require_folder(get_settings())
     except InputError as error:
         print(f"gcvec: {error}", file=sys.stderr)
         sys.exit(2)

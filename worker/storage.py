@@ -11,6 +11,7 @@ redis.id                             which Redis has the records of these jobs
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -19,13 +20,17 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import timedelta
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Final
+from urllib.parse import unquote, urlsplit
 
 import obstore
 from obstore.exceptions import AlreadyExistsError
 from obstore.store import LocalStore, ObjectStore, S3Store, from_url
 
+from gcvec.errors import InputError
 from worker.fields import known_fields
+from worker.settings import Settings
 
 _OUTAGE_SECONDS: Final = 8
 """A bucket that is away for longer fails the step."""
@@ -77,6 +82,27 @@ def open_store(url: str) -> ObjectStore:
         url,
         retry_config={"max_retries": 4, "retry_timeout": timedelta(seconds=_OUTAGE_SECONDS)},
     )
+
+
+def require_folder(settings: Settings) -> None:
+    """Make the folder for the files, if there is none. Raises InputError unless it can be written to.
+
+    A disk that is full is no reason: deleting jobs makes room. A bucket is not asked for here.
+    """
+    parts = urlsplit(settings.storage)
+    if parts.scheme != "file":
+        return
+    folder = Path(unquote(parts.path))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return
+        setting = "GCVEC_STORAGE_URL" if settings.storage_url else "GCVEC_DATA_DIR"
+        reason = error.strerror or str(error)
+        raise InputError(f"{setting}: {folder} cannot be written to: {reason}", code="bad-option") from None
 
 
 async def reach(store: ObjectStore) -> None:

@@ -24,7 +24,7 @@ from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
 from service.sockets import listen
 from service.supervisor import Command, Supervisor
-from worker import logs
+from worker import logs, storage
 from worker.queues import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE
 from worker.settings import Settings, get_settings, listing
 
@@ -57,6 +57,7 @@ def serve(host: str, port: int, workers: int, data: Path) -> None:
     settings = get_settings().model_copy(update={"data_dir": data})
     logs.start(settings)
     _check_open(settings, host)
+    storage.require_folder(settings)
     data.mkdir(parents=True, exist_ok=True)
     processes = workers or cores()
     with _locked(data), closing(_listen(host, port)) as listener, Supervisor() as supervisor:

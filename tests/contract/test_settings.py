@@ -78,6 +78,25 @@ def test_the_api_by_itself_names_a_wrong_setting_too() -> None:
     assert run.stderr.startswith("gcvec: GCVEC_STORAGE_URL: must be like file:///folder")
 
 
+@pytest.mark.parametrize("setting", ["GCVEC_STORAGE_URL", "GCVEC_DATA_DIR"])
+@pytest.mark.parametrize(
+    "program", [[*GCVEC, "serve", "--port", "0"], [sys.executable, "-m", "service.server", "127.0.0.1:0"]]
+)
+def test_a_folder_that_cannot_be_written_to_is_named_at_the_start(
+    tmp_path: Path, setting: str, program: list[str]
+) -> None:
+    """Not at the first upload."""
+    (tmp_path / "file").touch()
+    folder = tmp_path / "file" / "store"
+    value = folder.as_uri() if setting == "GCVEC_STORAGE_URL" else str(folder)
+    variables = {"GCVEC_DATA_DIR": str(tmp_path / "data"), setting: value}
+    command = ["env", *(f"{name}={value}" for name, value in variables.items()), *program]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.splitlines()[-1].startswith(f"gcvec: {setting}: {folder}")
+    assert run.stderr.count(setting) == 1
+
+
 @pytest.mark.parametrize(
     "good",
     [
