@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from http import HTTPStatus
 from typing import Final
 
@@ -25,6 +26,7 @@ _DOCS: Final = (
     "default-src 'self'; script-src 'unsafe-inline' https://cdn.jsdelivr.net; img-src 'self' data: https:; "
     "style-src 'unsafe-inline' https://cdn.jsdelivr.net; frame-ancestors 'none'"
 )
+_NO_WEIGHT: Final = re.compile(r"q\s*=\s*0(\.0*)?")
 _DOCS_PATHS: Final = ("/docs", "/redoc")
 _POLICIES: Final = {"text/html": _PAGE, "image/svg+xml": _DRAWING}
 
@@ -44,6 +46,7 @@ _READABLE: Final = ["Location", "Retry-After", "ETag", "Content-Range", "Content
 def install(app: FastAPI, settings: Settings) -> None:
     """Compress answers, let pages of `cors_origins` read them, and head off what else browsers could do."""
     app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=6)
+    app.add_middleware(AcceptedEncodings)
     if settings.cors_origins:
         app.add_middleware(
             OtherOrigins,
@@ -67,6 +70,30 @@ class OtherOrigins(CORSMiddleware):
         return answer(
             problem("forbidden", f"not allowed to pages of other origins: {refused}"), {"Vary": "Origin"}
         )
+
+
+class AcceptedEncodings:
+    """Tells the compression, which reads no weights, only of a gzip that is wanted: `gzip;q=0` is none."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http":
+            stated = ",".join(Headers(scope=scope).getlist("accept-encoding"))
+            others = [field for field in scope["headers"] if field[0] != b"accept-encoding"]
+            accepted = b"gzip" if _accepts_gzip(stated) else b"identity"
+            scope = {**scope, "headers": [*others, (b"accept-encoding", accepted)]}
+        await self._app(scope, receive, send)
+
+
+def _accepts_gzip(stated: str) -> bool:
+    """Whether a list of encodings has gzip, or all, with a weight above zero (RFC 9110, 12.5.3)."""
+    weights: dict[str, bool] = {}
+    for entry in stated.lower().split(","):
+        coding, *parameters = (part.strip() for part in entry.split(";"))
+        weights[coding] = not any(_NO_WEIGHT.fullmatch(parameter) for parameter in parameters)
+    return weights.get("gzip", weights.get("x-gzip", weights.get("*", False)))
 
 
 class SafeHeaders:

@@ -60,6 +60,28 @@ def test_text_is_compressed_pictures_and_parts_are_not(api: httpx.Client, jobs: 
         assert not whole.headers["etag"].startswith("W/")
 
 
+@pytest.mark.parametrize(
+    ("accepted", "compressed"),
+    [
+        ("gzip", True),
+        ("br, GZIP;q=0.5", True),
+        ("deflate;q=0, *", True),
+        ("gzip;q=0", False),
+        ("gzip; q=0.000, identity", False),
+        ("*;q=0", False),
+        ("gzip;q=0, *", False),
+        ("x-gzipped", False),
+        ("", False),
+    ],
+)
+def test_what_is_not_wanted_compressed_is_not(
+    api: httpx.Client, drawing: str, accepted: str, compressed: bool
+) -> None:
+    answer = api.get(drawing, headers={"Accept-Encoding": accepted})
+    assert answer.content == SVG
+    assert (answer.headers.get("content-encoding") == "gzip") is compressed
+
+
 def test_pages_of_other_origins_are_let_in_by_setting_only(api: httpx.Client, settings: Settings) -> None:
     asked = {"Origin": "https://app.example", "Access-Control-Request-Method": "POST"}
     assert "access-control-allow-origin" not in api.options("/v1/jobs", headers=asked).headers
