@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -202,6 +203,42 @@ def test_who_has_too_many_jobs_sends_one_more_later(
             second = asking.submit(folder / "photo.png", None, {})
         assert pauses == [10]
         assert [job["id"] for job in api.get("/v1/jobs").json()["jobs"]] == [second["id"], first]
+
+
+def test_an_upload_that_was_too_slow_or_found_no_room_is_sent_again(
+    folder: Path, meanwhile: Callable[..., None]
+) -> None:
+    """Under the same key, so that it is one job."""
+
+    class Passing(BaseHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+        def do_POST(self) -> None:
+            self.rfile.read(int(self.headers["Content-Length"]))
+            keys.append(self.headers["Idempotency-Key"])
+            refusals = (problem("too-slow", "slow"), problem("unavailable", "full"))
+            status, body = 202, b'{"id": "a"}'
+            if len(keys) <= len(refusals):
+                refusal = refusals[len(keys) - 1]
+                status, body = refusal.status, json.dumps(refusal.as_dict()).encode()
+            self.send_response(status)
+            self.send_header(
+                "Content-Type", "application/json" if status == 202 else "application/problem+json"
+            )
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+    keys: list[str] = []
+    pauses: list[float] = []
+    meanwhile(pauses.append)
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Passing)
+    with in_background(server), client.Client(f"http://127.0.0.1:{server.server_port}") as asking:
+        assert asking.submit(folder / "photo.png", None, {}) == {"id": "a"}
+    assert pauses == [1, 1]
+    assert len(keys) == 3
+    assert len(set(keys)) == 1
 
 
 def test_a_file_whose_connection_breaks_is_asked_for_again(meanwhile: Callable[..., None]) -> None:
