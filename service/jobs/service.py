@@ -52,13 +52,19 @@ async def submit(services: Services, owner: str, upload: Upload, key: str | None
 async def _create(services: Services, owner: str, upload: Upload, once: Once) -> Job:
     """Check the upload, keep its files, record the job and queue it; on any failure nothing is left."""
     header = await to_thread.run_sync(check, upload, services.settings)
+    digest = await to_thread.run_sync(hashlib.sha256, upload.image)
     await services.jobs.ping()
     job = Job(
         id=uuid.uuid4().hex,
         owner=owner,
         status="queued",
         created_at=time.time(),
-        request={**request_of(upload), "width": header.width, "height": header.height},
+        request={
+            **request_of(upload),
+            "width": header.width,
+            "height": header.height,
+            "sha256": digest.hexdigest(),
+        },
         webhook=upload.webhook.model_dump() if upload.webhook else None,
         bytes=len(upload.image) + len(upload.annotations or b""),
     )

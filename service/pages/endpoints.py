@@ -7,12 +7,14 @@ from typing import Final
 
 import obstore
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import FileResponse, StreamingResponse
+from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
+from service.artifacts.responses import file_response
 from service.deps import JobDep, ServicesDep
 from service.errors import ProblemError, documented
 from worker import storage
+from worker.storage import StoredFile
 
 STATIC: Final = Path(__file__).parents[1] / "static"
 
@@ -47,29 +49,30 @@ async def view(job_id: str) -> FileResponse:
     return FileResponse(STATIC / "view.html", headers=_HEADERS)
 
 
+@router.head("/v1/jobs/{job_id}/image", include_in_schema=False)
 @router.get(
     "/v1/jobs/{job_id}/image",
-    response_class=StreamingResponse,
+    response_class=Response,
     responses={
         200: {"content": {"application/octet-stream": {}}},
-        **documented(401, 403, 404, 410, 422, 429, 503),
+        206: {"description": "The part asked for", "content": {"application/octet-stream": {}}},
+        304: {"description": "The client has it"},
+        **documented(401, 403, 404, 410, 416, 422, 429, 503),
     },
     summary="The uploaded picture",
     tags=["jobs"],
 )
-async def get_image(job: JobDep, services: ServicesDep) -> StreamingResponse:
+async def get_image(request: Request, job: JobDep, services: ServicesDep) -> Response:
     """The picture as it was uploaded."""
+    path = storage.image_path(job.id)
     try:
-        found = await obstore.get_async(services.store, storage.image_path(job.id))
+        found = await obstore.head_async(services.store, path)
     except FileNotFoundError:
         raise ProblemError("gone", "the job has expired or was deleted") from None
-    headers = {
-        "Cache-Control": "private, no-cache",
-        "Content-Disposition": "attachment",
-        "Content-Length": str(found.meta["size"]),
-        "X-Content-Type-Options": "nosniff",
-    }
-    return StreamingResponse(found.stream(), headers=headers, media_type="application/octet-stream")
+    digest = job.request.get("sha256") or job.id  # which earlier records lack; a job has one picture for ever
+    file = StoredFile(path, found["size"], digest)
+    headers = {"Content-Disposition": "attachment", "X-Content-Type-Options": "nosniff"}
+    return await file_response(request, services.store, file, "application/octet-stream", headers, 0)
 
 
 _files = StaticFiles(directory=STATIC)

@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 import hashlib
+import json
 
 import httpx
 import pytest
 
+from tests.broker import client_of
 from tests.service.in_process import Jobs
+from tests.uploads import png
 from worker.artifacts import KINDS
-from worker.steps import claim, finish
+from worker.settings import Settings
+from worker.steps import claim, finish, record_key
 
 CONTENT = b"0123456789"
 
@@ -95,3 +99,26 @@ def test_head_tells_without_sending(api: httpx.Client, link: str, headers: dict[
     assert (answer.status_code, answer.content) == (200, b"")
     assert answer.headers["content-length"] == "10"
     assert answer.headers["accept-ranges"] == "bytes"
+
+
+def test_the_uploaded_picture_is_served_like_all_files(
+    api: httpx.Client, jobs: Jobs, settings: Settings
+) -> None:
+    job_id, photo = jobs.submit(), png()
+    link = f"/v1/jobs/{job_id}/image"
+    tag = f'"{hashlib.sha256(photo).hexdigest()}"'
+    whole = api.get(link)
+    assert (whole.content, whole.headers["etag"].removeprefix("W/")) == (photo, tag)
+    assert api.get(link, headers={"If-None-Match": tag}).status_code == 304
+    head = api.head(link, headers={"Accept-Encoding": "identity"})
+    assert (head.status_code, head.content, head.headers["content-length"]) == (200, b"", str(len(photo)))
+    part = api.get(link, headers={"Range": "bytes=1-3"})
+    assert (part.status_code, part.content) == (206, photo[1:4])
+    job = jobs.records.get(job_id)
+    assert job is not None
+    earlier = {name: value for name, value in job.request.items() if name != "sha256"}
+    client_of(settings.broker_url).hset(record_key(job_id), "request", json.dumps(earlier))
+    known = api.get(link).headers["etag"]
+    assert api.get(link, headers={"If-None-Match": known}).status_code == 304
+    api.delete(f"/v1/jobs/{job_id}")
+    assert api.get(link).status_code == 410
