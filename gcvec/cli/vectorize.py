@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +46,8 @@ def _ends_in_png(_context: click.Context, _parameter: click.Parameter, path: Pat
 @click.option(
     "--image-name",
     metavar="NAME",
-    help="The picture's name in the annotations; default: the file's own name, else the only one.",
+    help="The picture's name in the annotations; default: the file's own name, "
+    "beside folders where several have it, else the only one.",
 )
 @vectorization_options
 @matte_option
@@ -81,7 +83,7 @@ def vectorize(
     ignored = ignored_options(settings, annotations)
     warn(image, ignored)
     picture = load_picture(image, matte)
-    annotated = _load_regions(annotations, image_name, image.name) if annotations else None
+    annotated = _load_regions(annotations, image_name, image) if annotations else None
 
     from gcvec import vectorize
     from gcvec.allocation import give_back_large_arrays
@@ -101,9 +103,10 @@ def vectorize(
         write(preview, png(result.picture))
 
 
-def _load_regions(path: Path, image_name: str | None, picture_name: str) -> Annotations:
+def _load_regions(path: Path, image_name: str | None, picture: Path) -> Annotations:
     from gcvec.io import read_annotations
 
     bounds = limits()
+    picture_name = str(picture if picture == STANDARD_STREAM else os.path.abspath(picture))
     with about(path):
         return read_annotations(read(path), image_name=image_name, picture_name=picture_name, limits=bounds)

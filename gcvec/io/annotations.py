@@ -29,8 +29,8 @@ def read_annotations(
 ) -> Annotations:
     """The regions of one image from CVAT for images 1.1 (XML), COCO 1.0 (JSON) or a zip holding either.
 
-    `image_name` names the image in the file and must be found; without it the image named like
-    `picture_name` is taken, else the only one.
+    `image_name` names the image in the file and must be found; without it the image named most like
+    `picture_name`, a file's name or path, is taken, else the only one (see `select_image`).
 
     Raises `InputError`: "broken-annotations", "unsupported-annotations", "unsafe-annotations",
     "annotations-too-large", "unknown-image".

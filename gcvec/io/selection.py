@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import PurePosixPath
 
 from gcvec.errors import InputError
@@ -14,9 +14,11 @@ _NAMES_SHOWN = 5
 def select_image(names: Sequence[str], image_name: str | None, picture_name: str | None) -> int:
     """Index of the image meant, among the `names` an annotation file holds.
 
-    `image_name` is a demand: it must be found. `picture_name`, the picture's own file name, is a hint: when
-    it is not found the only image is taken. Both match exactly, else but for how accents are encoded (macOS
-    writes them apart from their letters), else by base name, else without ending.
+    `image_name` is a demand: it must be found. `picture_name`, the picture's own file name or path, is a
+    hint: when it is not found the only image is taken. Both match exactly, else by base name, else without
+    ending; of several such names by as many folders before it as can be, `a/b/cat.png` by `x/b/cat.png`
+    rather than by `x/c/cat.png`, and then by one that needs no more. How accents are encoded does not matter
+    (macOS writes them apart from their letters).
 
     Raises `InputError` ("unknown-image") when there is none, or no way to choose.
     """
@@ -28,7 +30,8 @@ def select_image(names: Sequence[str], image_name: str | None, picture_name: str
         if len(matches) == 1:
             return matches[0]
         if len(matches) > 1:
-            raise _unknown(f"several images match {wanted!r}", [names[i] for i in matches])
+            shown = wanted if image_name is not None else "/".join(_parts(wanted)[-1:])
+            raise _unknown(f"several images match {shown!r}", [names[i] for i in matches])
         if image_name is not None:
             raise _unknown(f"no image named {image_name!r}", names)
     if len(names) == 1:
@@ -37,23 +40,34 @@ def select_image(names: Sequence[str], image_name: str | None, picture_name: str
 
 
 def _matches(names: Sequence[str], wanted: str) -> list[int]:
-    for key in (str, _composed, _base_name, _stem):
-        found = [index for index, name in enumerate(names) if key(name) == key(wanted)]
-        if found:
-            return found
-    return []
+    exact = [index for index, name in enumerate(names) if name == wanted]
+    return exact or _closest(names, wanted, _parts) or _closest(names, wanted, _parts_without_ending)
 
 
-def _composed(name: str) -> str:
-    return unicodedata.normalize("NFC", name)
+def _closest(names: Sequence[str], wanted: str, parts: Callable[[str], list[str]]) -> list[int]:
+    """Indices of the names that end in most of what `wanted` ends in, in its last part at least."""
+    common = [_common(parts(name), parts(wanted)) for name in names]
+    most = max(common)
+    return [index for index, found in enumerate(common) if found == most] if most[0] else []
 
 
-def _base_name(name: str) -> str:
-    return PurePosixPath(_composed(name).replace("\\", "/")).name
+def _common(name: Sequence[str], wanted: Sequence[str]) -> tuple[int, bool]:
+    """How many parts a name and the one wanted have in common at their ends, and whether the name has no
+    others."""
+    count = 0
+    while count < min(len(name), len(wanted)) and name[-1 - count] == wanted[-1 - count]:
+        count += 1
+    return count, count == len(name)
 
 
-def _stem(name: str) -> str:
-    return PurePosixPath(_base_name(name)).stem
+def _parts(name: str) -> list[str]:
+    composed = unicodedata.normalize("NFC", name).replace("\\", "/")
+    return [part for part in composed.split("/") if part not in ("", ".")]
+
+
+def _parts_without_ending(name: str) -> list[str]:
+    *folders, base = _parts(name) or [""]
+    return [*folders, PurePosixPath(base).stem]
 
 
 def _unknown(what: str, names: Sequence[str]) -> InputError:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gcvec import VectorImage
 from gcvec.cli._app import run
 from tests.command import gcvec, refused
 from tests.picture_files import pixels
@@ -86,6 +87,25 @@ def test_image_name(folder: Path, tmp_path: Path) -> None:
     assert gcvec(*command, "--image-name", "photo.png").returncode == 0
     alone = ("vectorize", folder / "photo.png", "-o", tmp_path / "b.gcv", "--image-name", "photo.png")
     refused(gcvec(*alone), "--image-name", "--annotations")
+
+
+def test_folders_tell_images_of_one_name_apart(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trained, tested = (
+        cvat(shape, name=f"{name}/photo.png") for shape, name in ((GROUND, "train"), (BOX, "test"))
+    )
+    xml = tmp_path / "both.xml"
+    xml.write_text(trained.replace("</annotations>", "") + tested.partition("1.1</version>")[2])
+    for name in ("train", "test", "other"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "photo.png").write_bytes((folder / "photo.png").read_bytes())
+    monkeypatch.chdir(tmp_path / "test")
+    for picture, labels in (("photo.png", {"box", "background"}), ("../train/photo.png", {"ground"})):
+        assert run(["vectorize", picture, "-a", "../both.xml", "-o", "a.gcv"]) == 0
+        assert set(VectorImage.load("a.gcv").labels) == labels
+    assert run(["vectorize", "../other/photo.png", "-a", "../both.xml", "-o", "a.gcv"]) == 2
+    assert "several images match 'photo.png'" in capsys.readouterr().err
 
 
 def test_bad_pictures(folder: Path, tmp_path: Path) -> None:

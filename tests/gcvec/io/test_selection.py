@@ -31,6 +31,31 @@ def test_an_ambiguous_name_is_an_error_that_lists_the_matches() -> None:
     assert error.value.code == "unknown-image"
 
 
+@pytest.mark.parametrize(
+    ("wanted", "names", "index"),
+    [
+        ("a/b/cat.png", ["x/b/cat.png", "y/c/cat.png"], 0),
+        ("/home/b/train/cat.png", ["b/test/cat.png", "train/cat.png", "cat.png"], 1),
+        ("/home/photos/cat.png", ["train/cat.png", "cat.png"], 1),
+        ("C:\\photos\\train\\cat.png", ["test/cat.png", "./train//cat.png"], 1),
+        ("train/cat.webp", ["test/cat.png", "train/cat.png", "train/dog.png"], 1),
+        ("train/cat.png", ["train/cat.jpg", "test/cat.png"], 1),
+        ("gru\u0308n/cat.png", ["rot/cat.png", "gr\u00fcn/cat.png"], 1),
+    ],
+)
+def test_of_several_of_a_name_the_one_whose_folders_fit_best_is_taken(
+    wanted: str, names: list[str], index: int
+) -> None:
+    assert select_image(names, None, wanted) == index
+    assert select_image(names, wanted, None) == index
+
+
+@pytest.mark.parametrize("names", [["a/cat.png", "b/cat.png"], ["x/b/cat.png", "y/b/cat.png", "c/cat.png"]])
+def test_folders_that_fit_equally_well_leave_it_open(names: list[str]) -> None:
+    with pytest.raises(InputError, match=r"several images match 'cat\.png'"):
+        select_image(names, None, "/home/c/b/cat.png" if len(names) > 2 else "/home/cat.png")
+
+
 def test_the_only_image_is_taken_unless_another_was_demanded() -> None:
     assert select_image(["a.png"], None, None) == 0
     assert select_image(["a.png"], None, "upload.png") == 0
