@@ -30,6 +30,7 @@ from gcvec.io.rle import row_major_mask
 from gcvec.io.selection import select_image
 
 _REGIONS = ("polygon", "box", "ellipse", "mask")
+_TASK = ("id", "name", "subset")
 _NOT_REGIONS = ("polyline", "points", "skeleton", "cuboid")
 
 
@@ -45,8 +46,10 @@ def read_cvat_xml(
     Polylines, points, skeletons and cuboids enclose no region and are left out with a warning. See
     `select_image` for how the image is chosen. Raises `InputError`.
     """
-    images = _parse(data)
-    image = images[select_image(_distinct_names(images), image_name, picture_name)]
+    images, tasks = _parse(data)
+    names = [_names(image, tasks) for image in images]
+    chosen = select_image(_distinct(names), image_name, picture_name, names)
+    image = images[chosen]
     account = Account(limits)
     shapes = tuple(_shape(element, account) for element in image.regions)
     return Annotations(shapes, image.width, image.height, _left_out(image.ignored))
@@ -63,6 +66,7 @@ class _Element:
 class _Image:
     name: str
     subset: str
+    task: str
     width: int
     height: int
     regions: list[_Element] = field(default_factory=list)
@@ -70,11 +74,14 @@ class _Image:
 
 
 class _Document(ContentHandler):
-    """Collects the images and their elements, with the line each stands on."""
+    """Collects the images and their elements, with the line each stands on, and the tasks by id."""
 
     def __init__(self) -> None:
         super().__init__()
         self.images: list[_Image] = []
+        self.tasks: dict[str, Mapping[str, str]] = {}
+        self._task = dict.fromkeys(_TASK, "")
+        self._text: list[str] = []
         self._path: list[str] = []
         self._locator: Locator | None = None
 
@@ -92,15 +99,31 @@ class _Document(ContentHandler):
                 self.images.append(self._image(attrs))
         elif parents == ["annotations", "image"]:
             self._add(self.images[-1], name, attrs)
+        elif parents[1:2] == ["meta"]:
+            self._text = []
+            if name == "task":
+                self._task = dict.fromkeys(_TASK, "")
         parents.append(name)
 
+    def characters(self, content: str) -> None:
+        if self._path[-2:-1] == ["task"]:
+            self._text.append(content)
+
     def endElement(self, name: str) -> None:  # noqa: N802
-        self._path.pop()
+        parents = self._path
+        parents.pop()
+        if parents[1:2] != ["meta"]:
+            return
+        if parents[-1] == "task" and name in _TASK:
+            self._task[name] = "".join(self._text).strip()
+        elif name == "task":
+            self.tasks[self._task["id"]] = self._task
 
     def _image(self, attrs: AttributesImpl) -> _Image:
         pointer = f"image {attrs.get('name', '')!r}, line {self._line()}"
         width, height = (_whole(attrs, key, pointer) for key in ("width", "height"))
-        return _Image(attrs.get("name", ""), attrs.get("subset", ""), width, height)
+        name, subset, task = (attrs.get(key, "") for key in ("name", "subset", "task_id"))
+        return _Image(name, subset, task, width, height)
 
     def _add(self, image: _Image, name: str, attrs: AttributesImpl) -> None:
         if name in _REGIONS:
@@ -113,7 +136,8 @@ class _Document(ContentHandler):
         return (self._locator and self._locator.getLineNumber()) or 0
 
 
-def _parse(data: bytes) -> list[_Image]:
+def _parse(data: bytes) -> tuple[list[_Image], Mapping[str, Mapping[str, str]]]:
+    """The images of a document, and by id what `_TASK` names of its tasks."""
     document = _Document()
     try:
         defusedxml.sax.parseString(data, document, forbid_dtd=True)
@@ -132,13 +156,25 @@ def _parse(data: bytes) -> list[_Image]:
         raise
     except (LookupError, ValueError) as error:  # what expat makes of strange encodings
         raise InputError(f"broken annotations: {error}", code="broken-annotations") from error
-    return document.images
+    return document.images, document.tasks
 
 
-def _distinct_names(images: list[_Image]) -> list[str]:
-    """Names as they stand; where a project's subsets repeat one, "subset/name"."""
-    counts = Counter(image.name for image in images)
-    return [f"{i.subset}/{i.name}" if i.subset and counts[i.name] > 1 else i.name for i in images]
+def _names(image: _Image, tasks: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """What an image may be called: its name, also behind those of its subset, of its task, and of both.
+
+    The images of a project come from several tasks, which may each have one of the same name. Some versions
+    of CVAT state one task for all images: it is not that of an image in another subset.
+    """
+    subset, stated = image.subset, tasks.get(image.task, {})
+    task = stated["name"] if stated and stated["subset"] in ("", subset) else ""
+    folders = [[], [subset], [task], [subset, task]]
+    return list(dict.fromkeys("/".join([*filter(None, parts), image.name]) for parts in folders))
+
+
+def _distinct(names: list[list[str]]) -> list[str]:
+    """For each image the first of its names that no other has; the last, where others have them all."""
+    counts = Counter(name for of_image in names for name in of_image)
+    return [next((n for n in of_image if counts[n] == 1), of_image[-1]) for of_image in names]
 
 
 def _unsupported(why: str) -> InputError:

@@ -11,8 +11,14 @@ from gcvec.errors import InputError
 _NAMES_SHOWN = 5
 
 
-def select_image(names: Sequence[str], image_name: str | None, picture_name: str | None) -> int:
-    """Index of the image meant, among the `names` an annotation file holds.
+def select_image(
+    names: Sequence[str],
+    image_name: str | None,
+    picture_name: str | None,
+    more_names: Sequence[Sequence[str]] = (),
+) -> int:
+    """Index of the image meant, among the `names` an annotation file holds; `more_names` has others for each
+    image, which count as much.
 
     `image_name` is a demand: it must be found. `picture_name`, the picture's own file name or path, is a
     hint: when it is not found the only image is taken. Both match exactly, else by base name, else without
@@ -26,7 +32,7 @@ def select_image(names: Sequence[str], image_name: str | None, picture_name: str
         raise InputError("the annotation file holds no image", code="unknown-image")
     wanted = image_name if image_name is not None else picture_name
     if wanted is not None:
-        matches = _matches(names, wanted)
+        matches = _matches(names, more_names, wanted)
         if len(matches) == 1:
             return matches[0]
         if len(matches) > 1:
@@ -39,14 +45,16 @@ def select_image(names: Sequence[str], image_name: str | None, picture_name: str
     raise _unknown("several images and none named like the picture; name the one meant", names)
 
 
-def _matches(names: Sequence[str], wanted: str) -> list[int]:
-    exact = [index for index, name in enumerate(names) if name == wanted]
-    return exact or _closest(names, wanted, _parts) or _closest(names, wanted, _parts_without_ending)
+def _matches(names: Sequence[str], more_names: Sequence[Sequence[str]], wanted: str) -> list[int]:
+    every = [(name, *more) for name, more in zip(names, more_names or [()] * len(names), strict=True)]
+    exact = [index for index, of_image in enumerate(every) if wanted in of_image]
+    return exact or _closest(every, wanted, _parts) or _closest(every, wanted, _parts_without_ending)
 
 
-def _closest(names: Sequence[str], wanted: str, parts: Callable[[str], list[str]]) -> list[int]:
-    """Indices of the names that end in most of what `wanted` ends in, in its last part at least."""
-    common = [_common(parts(name), parts(wanted)) for name in names]
+def _closest(names: Sequence[Sequence[str]], wanted: str, parts: Callable[[str], Sequence[str]]) -> list[int]:
+    """Indices of the images with a name that ends in most of what `wanted` ends in, in its last part at
+    least."""
+    common = [max(_common(parts(name), parts(wanted)) for name in of_image) for of_image in names]
     most = max(common)
     return [index for index, found in enumerate(common) if found == most] if most[0] else []
 

@@ -126,6 +126,57 @@ def test_the_image_is_chosen_by_name_and_by_subset_where_names_repeat() -> None:
         read_cvat_xml(several_images(), image_name="a.png")
 
 
+def images_of_tasks() -> bytes:
+    return b"""<annotations><meta><project><name>photos</name><tasks>
+    <task><id>7</id><name>morning &amp; noon</name><labels><label><name>sky</name></label></labels></task>
+    <task><id>8</id><name>evening</name></task></tasks></project></meta>
+    <image name="a.png" width="1" height="1" subset="train" task_id="7"/>
+    <image name="a.png" width="2" height="2" subset="train" task_id="8"/>
+    <image name="a.png" width="3" height="3" subset="test" task_id="8"/>
+    <image name="sub/b.png" width="4" height="4" task_id="7"/>
+    <image name="sub/b.png" width="5" height="5" task_id="8"/>
+    <image name="c.png" width="6" height="6" task_id="9"/>
+    </annotations>"""
+
+
+@pytest.mark.parametrize(
+    ("name", "width"),
+    [
+        ("morning & noon/a.png", 1),
+        ("train/evening/a.png", 2),
+        ("/exports/test/a.png", 3),
+        ("test/evening/a.png", 3),
+        ("morning & noon/sub/b.jpg", 4),
+        ("/exports/evening/sub/b.png", 5),
+        ("c.png", 6),
+    ],
+)
+def test_the_image_is_chosen_by_task_where_names_repeat(name: str, width: int) -> None:
+    assert read_cvat_xml(images_of_tasks(), image_name=name).width == width
+    assert read_cvat_xml(images_of_tasks(), picture_name=name).width == width
+
+
+def test_images_of_one_name_are_listed_with_what_tells_them_apart() -> None:
+    for name, listed in (
+        ("a.png", r"'morning & noon/a.png', 'train/evening/a.png', 'test/a.png'"),
+        ("evening/a.png", r"'train/evening/a.png', 'test/a.png'"),
+        ("b.png", r"'morning & noon/sub/b.png', 'evening/sub/b.png'"),
+    ):
+        with pytest.raises(InputError, match=rf"several images match .*{listed}"):
+            read_cvat_xml(images_of_tasks(), image_name=name)
+
+
+def test_a_task_of_another_subset_is_not_the_one_of_an_image() -> None:
+    data = b"""<annotations><meta><project><tasks>
+    <task><id>7</id><name>test</name><subset>test</subset></task></tasks></project></meta>
+    <image name="a.png" width="1" height="1" subset="test" task_id="7"/>
+    <image name="a.png" width="2" height="2" subset="train" task_id="7"/>
+    </annotations>"""
+    assert read_cvat_xml(data, picture_name="/exports/test/a.png").width == 1
+    with pytest.raises(InputError, match=r"'test/a.png', 'train/a.png'"):
+        read_cvat_xml(data, image_name="a.png")
+
+
 def test_only_the_chosen_image_is_read() -> None:
     data = document('<polygon points="nonsense"/>').replace(
         b"</annotations>", b'<image name="b.png" width="3" height="3"/></annotations>'
