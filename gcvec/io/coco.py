@@ -26,8 +26,9 @@ def read_coco(
     """The regions of one image of a COCO instances file.
 
     Several rings of one annotation are parts of one region. A run-length mask may be compressed or not. An
-    annotation with a box alone is a rectangle; one with neither (keypoints, captions) is left out with a
-    warning. See `select_image` for how the image is chosen. Raises `InputError`.
+    annotation with a box alone is a rectangle; one of keypoints, whose box is none of a region, or with
+    neither (captions) is left out with a warning. See `select_image` for how the image is chosen. Raises
+    `InputError`.
     """
     document = _parse(data)
     images = _objects(document, "images")
@@ -43,12 +44,13 @@ def read_coco(
     for index, annotation in enumerate(_objects(document, "annotations")):
         if _name(annotation, "image_id") != _name(image, "id"):
             continue
-        if not annotation.get("segmentation") and not annotation.get("bbox"):
+        if not _has_region(annotation):
             without_region += 1
             continue
         category = _name(annotation, "category_id")
         shapes.append(reader.shape(annotation, labels.get(category, category), f"annotations[{index}]"))
-    warnings = (f"{without_region} annotations without a region left out",) if without_region else ()
+    plural = "s" if without_region > 1 else ""
+    warnings = (f"{without_region} annotation{plural} without a region left out",) if without_region else ()
     return Annotations(tuple(shapes), width, height, warnings)
 
 
@@ -94,6 +96,19 @@ def _side(value: object, limits: Limits, pointer: str) -> int:
     return value
 
 
+def _is_drawn(segmentation: object) -> bool:
+    """Whether there is more to a segmentation than null, or polygons without a vertex."""
+    return any(segmentation) if isinstance(segmentation, list) else bool(segmentation)
+
+
+def _has_region(annotation: _Json) -> bool:
+    """Whether there is an outline, if an empty one, or a box to stand for it: that of keypoints does not."""
+    segmentation = annotation.get("segmentation")
+    if annotation.get("keypoints"):
+        return _is_drawn(segmentation)
+    return bool(segmentation or annotation.get("bbox"))
+
+
 def _corners(bbox: object, pointer: str) -> list[float]:
     if not isinstance(bbox, list) or len(bbox) != 4:
         raise broken("its bbox is not [x, y, width, height]", pointer)
@@ -116,8 +131,8 @@ class _ShapeReader:
         segmentation = annotation.get("segmentation")
         if isinstance(segmentation, dict):
             return self._masked(segmentation, label, pointer)
-        empty = not segmentation or (segmentation == [[]] and "bbox" in annotation)
-        rings = [_corners(annotation["bbox"], pointer)] if empty else segmentation
+        bbox = None if _is_drawn(segmentation) else annotation.get("bbox")
+        rings = [_corners(bbox, pointer)] if bbox else segmentation
         if not isinstance(rings, list) or not all(isinstance(ring, list) for ring in rings):
             raise broken("its segmentation is neither a list of polygons nor a run-length mask", pointer)
         for ring in rings:
@@ -134,7 +149,8 @@ class _ShapeReader:
                 raise broken(str(error), pointer) from error
         if not isinstance(counts, list):
             raise broken("its run lengths are missing", pointer)
-        runs = ColumnRuns(counts_from(counts, width * height, pointer), height)
+        whole = [_whole(count) for count in counts]
+        runs = ColumnRuns(counts_from(whole, width * height, pointer), height)
         left, top, box_width, box_height = runs.box
         self._account.add_mask(box_width * box_height, pointer)
         return Shape(label, mask=runs.mask(), offset=(left, top), pointer=pointer)

@@ -39,10 +39,10 @@ def finite(value: object, pointer: str) -> float:
     return float(ring_from([value, 0], pointer)[0, 0])
 
 
-def counts_from(values: list[int], area: int, pointer: str) -> Counts:
+def counts_from(values: Sequence[object], area: int, pointer: str) -> Counts:
     """Run lengths that fill `area` pixels exactly; raises `InputError` on anything else."""
     try:
-        counts = np.array(values)
+        counts = np.array(values or [0])
     except ValueError as error:
         raise broken("its run lengths are not whole numbers", pointer) from error
     if counts.ndim != 1 or counts.dtype.kind not in "iu":

@@ -126,6 +126,8 @@ def _painted(shapes: list[Shape], width: int, height: int, notes: _Notes) -> NDA
             notes.add("crossing itself, filled as outlined", [index])
         if pixels:
             painted.append(index)
+        elif shape.mask is not None and not shape.mask.any():
+            notes.add("dropped: its mask is empty", [index])
         elif _is_outside(shape, width, height):
             notes.add("dropped: outside the picture", [index])
         else:

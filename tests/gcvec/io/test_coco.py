@@ -55,7 +55,7 @@ def test_rings_are_parts_of_one_region() -> None:
     assert partition(annotations, 60, 40).names == ("sky",)
 
 
-@pytest.mark.parametrize("counts", [[4, 14, 6], "4>6"])
+@pytest.mark.parametrize("counts", [[4, 14, 6], [4.0, 14, 6.0], "4>6"])
 def test_run_lengths_go_down_the_columns(counts: object) -> None:
     # 6 wide, 4 high; columns 1 to 3 in full, of column 4 the upper half
     value = document({"segmentation": {"size": [4, 6], "counts": counts}}, width=6, height=4)
@@ -65,10 +65,11 @@ def test_run_lengths_go_down_the_columns(counts: object) -> None:
     assert shape.mask.astype(int).tolist() == [[1, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]]
 
 
-def test_an_empty_mask_is_a_shape_without_pixels() -> None:
-    (shape,) = read_coco(encoded(document({"segmentation": {"size": [40, 60], "counts": [2400]}}))).shapes
-    assert shape.mask is not None
-    assert shape.mask.size == 0
+@pytest.mark.parametrize("counts", [[2400], [2400.0], [2400, 0]])
+def test_an_empty_mask_is_dropped_with_a_warning(counts: list[float]) -> None:
+    empty = {"segmentation": {"size": [40, 60], "counts": counts}}
+    found = partition(read_coco(encoded(document({"segmentation": [LEFT]}, empty))), 60, 40)
+    assert found.warnings == ("1 shape dropped: its mask is empty (annotations[1])",)
 
 
 def test_a_mask_brings_its_own_size_where_the_image_states_none() -> None:
@@ -80,14 +81,41 @@ def test_a_mask_brings_its_own_size_where_the_image_states_none() -> None:
     assert annotations.shapes[0].mask.shape == (4, 6)
 
 
-@pytest.mark.parametrize("nothing", [[], [[]]])
+@pytest.mark.parametrize("nothing", [None, [], [[]], [[], []]])
 def test_a_box_alone_is_a_rectangle_and_neither_is_left_out(nothing: list[Any]) -> None:
     annotations = read_coco(
         encoded(document({"segmentation": nothing, "bbox": [5, 6, 10, 20]}, {"keypoints": [1, 2, 3]}))
     )
     (shape,) = annotations.shapes
     assert shape.rings[0].tolist() == [[5, 6], [15, 6], [15, 26], [5, 26]]
-    assert annotations.warnings == ("1 annotations without a region left out",)
+    assert annotations.warnings == ("1 annotation without a region left out",)
+
+
+@pytest.mark.parametrize("nothing", [{}, *({"segmentation": none} for none in (None, [], [[]]))])
+def test_keypoints_alone_are_left_out_box_and_all(nothing: dict[str, Any]) -> None:
+    points = {"keypoints": [5, 6, 2, 15, 26, 2], "num_keypoints": 2, "bbox": [5, 6, 10, 20]}
+    read = read_coco(
+        encoded(document({"segmentation": [LEFT]}, {**points, **nothing}, {**points, **nothing}))
+    )
+    assert [shape.pointer for shape in read.shapes] == ["annotations[0]"]
+    assert read.warnings == ("2 annotations without a region left out",)
+
+
+def test_keypoints_beside_an_outline_or_none_of_them_do_not_matter() -> None:
+    beside = {"segmentation": [LEFT], "keypoints": [5, 6, 2]}
+    read = read_coco(encoded(document(beside, {"keypoints": [], "bbox": [30, 6, 10, 20]})))
+    assert [len(shape.rings[0]) for shape in read.shapes] == [4, 4]
+    assert read.warnings == ()
+
+
+@pytest.mark.parametrize("bbox", [None, []])
+def test_no_box_is_none_however_it_is_written(bbox: object) -> None:
+    read = read_coco(encoded(document({"segmentation": [LEFT]}, {"segmentation": None, "bbox": bbox})))
+    assert len(read.shapes) == len(read.warnings) == 1
+    (_, empty) = read_coco(
+        encoded(document({"bbox": [5, 6, 10, 20]}, {"segmentation": [[]], "bbox": bbox}))
+    ).shapes
+    assert empty.rings[0].shape == (0, 2)
 
 
 def test_the_image_is_chosen_by_name_and_its_annotations_by_id() -> None:
@@ -114,7 +142,11 @@ def test_the_image_is_chosen_by_name_and_its_annotations_by_id() -> None:
         {"segmentation": {"size": [40], "counts": [2400]}},
         {"segmentation": {"size": [40, 60], "counts": [2399]}},
         {"segmentation": {"size": [40, 60], "counts": [2401, -1]}},
-        {"segmentation": {"size": [40, 60], "counts": [2400.0]}},
+        {"segmentation": {"size": [40, 60], "counts": [2399.5, 0.5]}},
+        {"segmentation": {"size": [40, 60], "counts": []}},
+        {"segmentation": {"size": [40, 60], "counts": ""}},
+        {"segmentation": {"size": [40, 60], "counts": None}},
+        {"segmentation": [None]},
         {"segmentation": {"size": [40, 60], "counts": [2400, None]}},
         {"segmentation": {"size": [40, 60], "counts": [[2400], [1, 2]]}},
         {"segmentation": {"size": [40, 60], "counts": [10**400]}},

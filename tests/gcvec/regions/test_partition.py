@@ -121,6 +121,8 @@ def test_a_thousand_regions() -> None:
         (box(5.6, 5.6, 6.4, 6.4), "too small"),
         (Shape("line", rings=(np.array([(1.0, 1.0), (9.0, 9.0)]),)), "too small"),
         (Shape("nothing"), "too small"),
+        (Shape("nothing", mask=np.zeros((0, 0), dtype=bool)), "its mask is empty"),
+        (Shape("nothing", mask=np.zeros((2, 2), dtype=bool), offset=(60, 0)), "its mask is empty"),
         (Shape("far", mask=np.ones((2, 2), dtype=bool), offset=(60, 0)), "outside the picture"),
         (box(5, 5, 8, 8), "under 16 px²"),
     ],
