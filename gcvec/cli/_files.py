@@ -69,11 +69,29 @@ def load_vector_image(data: bytes, path: Path) -> VectorImage:
         return VectorImage.from_bytes(data)
 
 
+def vector_image_file(output: str, source: Path) -> Path:
+    """The file that `output` names; if it ends in a slash, one named like `source` in that folder, which is
+    made if it is missing.
+
+    Raises `InputError` where something else is in the folder's place, or `source` has no name.
+    """
+    if not output.endswith(os.sep):
+        return Path(output)
+    if source == STANDARD_STREAM:
+        raise InputError(f"{output}: what stdin holds has no name; name the file", code="is-a-folder")
+    folder = Path(output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise InputError(f"{output}: no folder: a file stands there", code="no-folder") from error
+    return folder / f"{source.stem}.gcv"
+
+
 def check_files(*, inputs: Sequence[Path | None] = (), outputs: Sequence[Path | None] = ()) -> None:
     """Refuse output files, before the work and not after it.
 
-    Raises `InputError` for those that no folder could hold, and for one that is an input or another output;
-    PermissionError for those that may not be written.
+    Raises `InputError` for those that no folder could hold, for links that lead nowhere but back, and for
+    one that is an input or another output; PermissionError for those that may not be written.
     """
     for paths, stream in ((inputs, "stdin is read"), (outputs, "stdout is written")):
         if paths.count(STANDARD_STREAM) > 1:
@@ -82,6 +100,8 @@ def check_files(*, inputs: Sequence[Path | None] = (), outputs: Sequence[Path | 
     for path in outputs:
         if path is None or path == STANDARD_STREAM:
             continue
+        if _leads_back(path):
+            raise InputError(f"{path}: a link that leads back to itself", code="link-loop")
         folder = path.resolve().parent
         if not folder.is_dir():
             raise InputError(f"{path}: no such folder: {folder}", code="no-folder")
@@ -145,6 +165,15 @@ def _replace(path: Path, data: bytes) -> None:
 def _is_special(path: Path) -> bool:
     """Whether this is a device or a pipe: one writes into it, and must never put a file in its place."""
     return path.exists() and not path.is_file()
+
+
+def _leads_back(path: Path) -> bool:
+    """Whether following links from here, or to here, never ends."""
+    try:
+        path.stat()
+    except OSError as error:
+        return error.errno == errno.ELOOP
+    return False
 
 
 def _is_same(path: Path, other: Path) -> bool:

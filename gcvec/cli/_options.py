@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,19 +18,30 @@ EXISTING_FILE = click.Path(exists=True, dir_okay=False, readable=True, path_type
 INPUT_FILE = click.Path(exists=True, dir_okay=False, readable=True, allow_dash=True, path_type=Path)
 """An existing file, or - for stdin."""
 
-OUTPUT_FILE = click.Path(allow_dash=True, path_type=Path)
+
+class _OutputFile(click.Path):
+    """A path that does not end as those of folders do, which `pathlib` would take for one of a file."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if str(value).endswith(os.sep):
+            self.fail(f"{value}: names a folder, not the file to be written", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+OUTPUT_FILE = _OutputFile(allow_dash=True, path_type=Path)
 """A file to be written, or - for stdout."""
 
 OTHER_FORMATS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".svg", ".pdf", ".glb", ".json")
 """Endings that promise a picture or a document, which a vector image is not."""
 
 
-def _named_as_vector_image(_context: click.Context, _parameter: click.Parameter, path: Path) -> Path:
-    if path.suffix.lower() in OTHER_FORMATS:
+def _named_as_vector_image(_context: click.Context, _parameter: click.Parameter, output: str) -> str:
+    ending = Path(output).suffix
+    if ending.lower() in OTHER_FORMATS and not output.endswith(os.sep):
         raise click.BadParameter(
-            f"{path}: a vector image is written, which ends in .gcv (gcvec render makes a {path.suffix})"
+            f"{output}: a vector image is written, which ends in .gcv (gcvec render makes a {ending})"
         )
-    return path
+    return output
 
 
 picture_argument = click.argument("image", type=EXISTING_FILE, help="A PNG, JPEG, WebP or TIFF picture.")
@@ -40,10 +52,10 @@ vector_image_output_option = click.option(
     "-o",
     "--output",
     required=True,
-    type=OUTPUT_FILE,
+    type=click.Path(allow_dash=True),
     callback=_named_as_vector_image,
     metavar="OUT.gcv",
-    help="Where the vector image goes; - for stdout.",
+    help="Where the vector image goes; FOLDER/: into this folder, named like the input; - for stdout.",
 )
 matte_option = click.option(
     "--matte",

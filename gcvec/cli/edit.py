@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcvec.cli._files import about, check_files, load_vector_image, read, warn, write
+from gcvec.cli._files import about, check_files, load_vector_image, read, vector_image_file, warn, write
 from gcvec.cli._options import INPUT_FILE, vector_image_output_option
 from gcvec.hex_color import HEX_COLOR
 
@@ -35,9 +35,10 @@ RECOLOR = re.compile(rf"(\d+):({HEX_COLOR})")
     metavar="PATCH:#rrggbb",
     help="Give a patch this mean colour; its shading stays. Can be given repeatedly.",
 )
-def edit(vector_image: Path, output: Path, move: tuple[str, ...], recolor: tuple[str, ...]) -> None:
+def edit(vector_image: Path, output: str, move: tuple[str, ...], recolor: tuple[str, ...]) -> None:
     """Move control points of boundary curves and recolour patches. Nothing is fitted again."""
-    check_files(outputs=(output,))  # which may be the input too
+    target = vector_image_file(output, vector_image)
+    check_files(outputs=(target,))  # which may be the input too
     moves = [_move(text) for text in move]
     recolors = [_recolor(text) for text in recolor]
     if not moves and not recolors:
@@ -49,8 +50,8 @@ def edit(vector_image: Path, output: Path, move: tuple[str, ...], recolor: tuple
     with about(vector_image):
         edited = edit(image, moves, recolors)
     if edited.foldovers:
-        warn(output, [f"triangles that fold over after these moves: {edited.foldovers}"])
-    write(output, edited.to_bytes())
+        warn(target, [f"triangles that fold over after these moves: {edited.foldovers}"])
+    write(target, edited.to_bytes())
 
 
 def _move(text: str) -> Move:

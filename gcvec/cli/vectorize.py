@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gcvec.cli._files import STANDARD_STREAM, about, check_files, load_picture, read, warn, write
+from gcvec.cli._files import (
+    STANDARD_STREAM,
+    about,
+    check_files,
+    load_picture,
+    read,
+    vector_image_file,
+    warn,
+    write,
+)
 from gcvec.cli._limits import limits
 from gcvec.cli._options import (
     INPUT_FILE,
@@ -67,7 +76,7 @@ def _ends_in_png(_context: click.Context, _parameter: click.Parameter, path: Pat
 )
 def vectorize(
     image: Path,
-    output: Path,
+    output: str,
     annotations: Path | None,
     image_name: str | None,
     matte: str,
@@ -79,7 +88,8 @@ def vectorize(
     if image_name and not annotations:
         raise click.BadParameter("needs --annotations", param_hint="'--image-name'")
     options = Options(**settings)
-    check_files(inputs=(image, annotations), outputs=(output, report, preview))
+    target = vector_image_file(output, image)
+    check_files(inputs=(image, annotations), outputs=(target, report, preview))
     ignored = ignored_options(settings, annotations)
     warn(image, ignored)
     picture = load_picture(image, matte)
@@ -92,7 +102,7 @@ def vectorize(
     with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
         result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
     warn(annotations or image, result.warnings)
-    write(output, result.to_bytes())
+    write(target, result.to_bytes())
     if report and result.report:
         warnings = [*ignored, *picture.warnings, *result.warnings]
         content = {**result.report.as_dict(), "warnings": warnings}

@@ -104,6 +104,69 @@ def test_a_link_into_no_folder_is_refused(
     assert "no such folder" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "vectorize photo -o loop",
+        "vectorize photo -o loop/a.gcv",
+        "vectorize photo -o a.gcv --report back",
+        "vectorize loop -o a.gcv",
+        "vectorize photo -a back -o a.gcv",
+    ],
+)
+def test_a_link_back_to_itself_is_refused(
+    photo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(photo.parent)
+    for link, target in (("loop", "loop"), ("there", "back"), ("back", "there")):
+        Path(link).symlink_to(target)
+    assert exit_code(*command.split()) == 2
+    told = capsys.readouterr().err
+    assert "leads back to itself" in told or "does not exist" in told
+    assert told.count("\n") == 1
+    assert not Path("a.gcv").exists()
+
+
+@pytest.mark.parametrize("output", ["new/", "new/er/", "there/", "there//", "set.png/", "./"])
+def test_a_slash_at_the_end_means_a_folder(
+    photo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], output: str
+) -> None:
+    monkeypatch.chdir(photo.parent)
+    photo.rename("a.photo.png")
+    Path("there").mkdir()
+    assert exit_code("vectorize", "a.photo.png", "-o", output) == 0
+    made = Path(output, "a.photo.gcv")
+    before = made.read_bytes()
+    assert before.startswith(b"GCV")
+    assert exit_code("edit", made, "-o", output, "--recolor", "0:#204060") == 0  # in place
+    assert made.read_bytes() != before
+    assert sorted(path.name for path in made.parent.iterdir() if path.suffix == ".gcv") == ["a.photo.gcv"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "vectorize photo -o photo/",
+        "vectorize photo -o photo/new/",
+        "vectorize - -o new/",
+        "edit - -o new/ --recolor 0:#204060",
+        "vectorize photo -o a.gcv --report new/",
+        "vectorize photo -o a.gcv --preview new.png/",
+        "regions photo -o new.xml/",
+        "render photo -o new.png/",
+    ],
+)
+def test_what_a_folder_will_not_do_for_is_refused(
+    photo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(photo.parent)
+    assert exit_code(*command.split()) == 2
+    told = capsys.readouterr().err
+    assert "folder" in told or "no name" in told
+    assert told.count("\n") == 1
+    assert list(photo.parent.iterdir()) == [photo]
+
+
 def test_what_may_not_be_written_is_told_before_the_work(closed: Path) -> None:
     for name in ("new", "shut"):
         with pytest.raises(PermissionError) as told:
