@@ -12,6 +12,7 @@ from gcvec.io.limits import DEFAULT_LIMITS, Limits
 from gcvec.io.long_outlines import checked, to_be_masked
 from gcvec.io.outlines import Outline, outlines
 from gcvec.io.rle import runs_of
+from gcvec.plain_text import plain_text
 
 if TYPE_CHECKING:
     from gcvec.regions.partition import Partition
@@ -31,7 +32,7 @@ def write_coco(partition: Partition, image_name: str, limits: Limits = DEFAULT_L
     masked = to_be_masked(found, limits)
     areas = np.bincount(partition.labels.ravel()).tolist()
     document = {
-        "images": [{"id": 1, "file_name": image_name, "width": width, "height": height}],
+        "images": [{"id": 1, "file_name": plain_text(image_name), "width": width, "height": height}],
         "categories": [{"id": number, "name": name} for name, number in categories.items()],
         "annotations": [
             {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +84,25 @@ def test_a_closed_stderr_is_no_failure_and_stays_out_of_stdout(folder: Path) -> 
     assert run.stdout == (folder / "photo.gcv").read_bytes()
     refused = shell("gcvec vectorize missing.png -o - 2>&-", folder)
     assert (refused.returncode, refused.stdout, refused.stderr) == (2, b"", b"")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
+@pytest.mark.parametrize("stderr", ["", "2>&-"])
+def test_names_that_are_no_text_are_named_all_the_same(folder: Path, stderr: str) -> None:
+    odd = os.fsdecode(b"odd\xff")
+    (folder / odd).write_text("no picture")
+    run = shell(f"gcvec vectorize '{odd}' -o a.gcv {stderr}", folder)
+    assert (run.returncode, run.stdout) == (2, b"")
+    assert run.stderr.startswith(b"" if stderr else b"gcvec: odd\\udcff: unsupported picture: ")
+    photo = f"{odd}.png"
+    (folder / photo).write_bytes((folder / "photo.png").read_bytes())
+    for regions in ("odd.xml", "odd.json"):
+        assert shell(f"gcvec regions '{photo}' -o {regions} {stderr}", folder).returncode == 0
+        text = (folder / regions).read_text(encoding="utf-8")
+        assert '"odd\\ufffd.png"' in text or '"odd\ufffd.png"' in text
+        again = shell(f"gcvec vectorize '{photo}' -a {regions} -o - {stderr}", folder)
+        assert again.returncode == 0
+        assert again.stdout.startswith(b"GCV")
 
 
 @pytest.mark.parametrize(
