@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from gcvec.edit import Move, Recolor
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-MOVE = re.compile(rf"(\d+):(\d+):({NUMBER}),({NUMBER})")
-RECOLOR = re.compile(rf"(\d+):({HEX_COLOR})")
+MOVE = re.compile(rf"(\d+):(\d+):({NUMBER}),({NUMBER})", re.ASCII)
+RECOLOR = re.compile(rf"(\d+):({HEX_COLOR})", re.ASCII)
 
 
 @click.command()

@@ -21,6 +21,7 @@ from gcvec.io.geometry import (
     ellipse,
     ellipse_vertices,
     finite,
+    is_plain,
     rectangle,
     ring_from,
     rotated,
@@ -234,8 +235,11 @@ def _mask(attributes: Mapping[str, str], pointer: str, account: Account, label: 
     if width < 1 or height < 1:
         raise broken(f"a mask of {width} x {height} pixels", pointer)
     account.add_mask(width * height, pointer)
+    rle = attributes.get("rle", "")
+    if not is_plain(rle):
+        raise broken("its run lengths are not whole numbers", pointer)
     try:
-        runs = [int(run) for run in attributes.get("rle", "").split(",")]
+        runs = [int(run) for run in rle.split(",")]
     except ValueError as error:
         raise broken("its run lengths are not whole numbers", pointer) from error
     mask = row_major_mask(counts_from(runs, width * height, pointer), width, height)
@@ -251,7 +255,8 @@ def _number(attributes: Mapping[str, str], key: str, pointer: str, default: str 
 
 def _whole(attributes: Mapping[str, str] | AttributesImpl, key: str, pointer: str) -> int:
     """A whole number, 0 when the attribute is absent."""
+    text = attributes.get(key, "0")
     try:
-        return int(attributes.get(key, "0"))
+        return int(text if is_plain(text) else "")
     except ValueError as error:
-        raise broken(f"{key}={attributes.get(key)!r} is not a whole number", pointer) from error
+        raise broken(f"{key}={text!r} is not a whole number", pointer) from error

@@ -21,8 +21,17 @@ def broken(message: str, pointer: str) -> InputError:
     return InputError(f"{pointer}: {message}", code="broken-annotations", pointer=pointer)
 
 
+def is_plain(text: str) -> bool:
+    """Whether text is written as other programs write numbers: Python takes digits of every script, and 1_0
+    for 10."""
+    return text.isascii() and "_" not in text
+
+
 def ring_from(values: Sequence[object], pointer: str) -> Ring:
     """A ring `(n, 2)` from x, y, x, y …; raises `InputError` on anything but pairs of finite numbers."""
+    for value in values:
+        if isinstance(value, bool) or (isinstance(value, str) and not is_plain(value)):
+            raise broken(f"its coordinates are not numbers: {value!r}", pointer)
     try:
         flat = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:

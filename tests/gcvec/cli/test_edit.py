@@ -35,7 +35,9 @@ def test_edit(folder: Path, tmp_path: Path) -> None:
         ("--move", "1:2:3"),
         ("--move", "1:2:nan,1"),
         ("--move", "999:0:1,1"),
+        ("--move", "\u0660:0:1,1"),
         ("--recolor", "0:red"),
+        ("--recolor", "\u0660:#ffffff"),
         ("--recolor", "99:#ffffff"),
     ],
 )

@@ -192,6 +192,10 @@ def test_only_the_chosen_image_is_read() -> None:
         '<polygon points="1,2;3,4,5"/>',
         '<polygon points="1,2;3,four"/>',
         '<polygon points="1,2;3,nan;5,6"/>',
+        '<polygon points="1,2;3,1_0;5,6"/>',
+        '<polygon points="1,2;3,\u0664;5,6"/>',
+        '<polygon points="1,2;3,4;5,6" z_order="\u0661"/>',
+        '<box xtl="1" ytl="1" xbr="\u0669" ybr="5"/>',
         '<polygon points="1,2;3,inf;5,6"/>',
         '<polygon points="1,2;3,1e300;5,6"/>',
         '<polygon points="1,2;3,4;5,6" z_order="top"/>',
@@ -205,6 +209,8 @@ def test_only_the_chosen_image_is_read() -> None:
         '<mask left="0" top="0" width="2" height="2" rle="1, 4"/>',
         '<mask left="0" top="0" width="2" height="2" rle="5, -1"/>',
         '<mask left="0" top="0" width="2" height="2" rle="4.0"/>',
+        '<mask left="0" top="0" width="2" height="2" rle="\u0664"/>',
+        '<mask left="0" top="0" width="1_0" height="2" rle="20"/>',
         '<mask left="0" top="0" width="0" height="2" rle="0"/>',
         '<mask left="0" top="0" width="-2" height="-2" rle="4"/>',
         '<mask left="0" top="0" width="2" height="2" rle="99999999999999999999"/>',
@@ -216,6 +222,11 @@ def test_broken_shapes_are_refused_with_their_line(element: str) -> None:
     assert error.pointer is not None
     assert error.pointer.endswith("1, line 6")
     assert error.pointer in str(error)
+
+
+def test_what_python_alone_takes_for_a_number_is_named() -> None:
+    assert str(refusal(document('<polygon points="1,2;3,1_0;5,6"/>'))).endswith("are not numbers: '1_0'")
+    assert "width='\u0663'" in str(refusal(document().replace(b'"60"', '"\u0663"'.encode())))
 
 
 def test_broken_xml_is_refused_with_its_line() -> None:
