@@ -70,7 +70,8 @@ def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Reco
         original = _moved(original, moves)
     for number, recolor in enumerate(recolors):
         with pointing_at(f"recolors/{number}"):
-            shifts[_checked_patch(image, recolor.patch)] = _shift_towards(original, recolor)
+            patch = _checked_patch(image, recolor.patch)
+            shifts[patch] = _shift_towards(original, recolor)
     return recolored(original, shifts)
 
 

@@ -39,6 +39,7 @@ def test_edit(folder: Path, tmp_path: Path) -> None:
         ("--recolor", "0:red"),
         ("--recolor", "\u0660:#ffffff"),
         ("--recolor", "99:#ffffff"),
+        ("--recolor", f"{10**20}:#ffffff"),
     ],
 )
 @pytest.mark.usefixtures("vectorized")
