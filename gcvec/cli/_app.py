@@ -100,12 +100,9 @@ def root() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code: 0, 1 for a failure, 2 for bad input, 130 for Ctrl-C."""
     try:
-        return root.main(arguments, prog_name="gcvec", standalone_mode=False) or 0
+        return _exit_code(arguments)
     except InputError as error:
         return _complain(_with_place(error), BAD_INPUT)
-    except NoArgsIsHelpError as error:
-        print(error.message)
-        return BAD_INPUT
     except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
     except (KeyboardInterrupt, click.Abort):
@@ -122,6 +119,15 @@ def run(arguments: Sequence[str]) -> int:
         cause = " ".join(str(error).split()) or "no message"
         hint = "GCVEC_TRACEBACK=1 shows where"
         return _complain(f"failed: {type(error).__name__}: {cause} ({hint})", FAILURE)
+
+
+def _exit_code(arguments: Sequence[str]) -> int:
+    """That of a command line that is in order, or of none, which is told what there is."""
+    try:
+        return root.main(arguments, prog_name="gcvec", standalone_mode=False) or 0
+    except NoArgsIsHelpError as error:
+        click.echo(error.message)
+        return BAD_INPUT
 
 
 def _is_interrupt(error: BaseException | None) -> bool:

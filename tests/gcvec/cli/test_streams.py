@@ -124,6 +124,16 @@ def test_closed_streams_that_are_not_needed_do_not_matter(folder: Path) -> None:
     assert VectorImage.load(folder / "b.gcv").width == 40
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("line", ["gcvec ", "gcvec --help", "gcvec vectorize --help"])
+def test_a_stdout_that_takes_nothing_is_one_line(folder: Path, line: str) -> None:
+    run = shell(f"{line} > /dev/full", folder)
+    assert run.returncode == 1
+    assert run.stderr.startswith(b"gcvec: ")
+    assert run.stderr.endswith(b"No space left on device\n")
+    assert run.stderr.count(b"\n") == 1
+
+
 def test_a_reader_that_has_left_ends_the_command_quietly(folder: Path) -> None:
     run = shell("{ gcvec vectorize photo.png -a regions.xml -o -; echo $? >&2; } | true", folder)
     *warnings, code = run.stderr.splitlines()
