@@ -75,8 +75,9 @@ def _document(entries: list[ZipInfo]) -> ZipInfo:
         path = PurePosixPath(entry.filename.replace("\\", "/"))
         if path.is_absolute() or ".." in path.parts or entry.filename[1:2] == ":":
             raise InputError(f"the zip holds an unsafe path: {entry.filename!r}", code="unsafe-annotations")
+    entries = [entry for entry in entries if not _is_of_macos(entry)]
     for ending in (".xml", ".json"):
-        found = [e for e in entries if e.filename.lower().endswith(ending) and "__MACOSX" not in e.filename]
+        found = [entry for entry in entries if entry.filename.lower().endswith(ending)]
         if len(found) > 1:
             names = ", ".join(repr(entry.filename) for entry in found[:5])
             raise InputError(
@@ -86,6 +87,11 @@ def _document(entries: list[ZipInfo]) -> ZipInfo:
         if found:
             return _readable(found[0])
     raise InputError("the zip holds no annotation file (.xml or .json)", code="unsupported-annotations")
+
+
+def _is_of_macos(entry: ZipInfo) -> bool:
+    """Whether a file only holds what macOS knows of another one, whose name it has."""
+    return "__MACOSX" in entry.filename or PurePosixPath(entry.filename).name.startswith("._")
 
 
 def _readable(entry: ZipInfo) -> ZipInfo:

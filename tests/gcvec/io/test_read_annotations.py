@@ -58,6 +58,7 @@ def refusal(data: bytes, code: str) -> str:
             {"task/annotations.xml": XML, "task/info.json": b"{}", "__MACOSX/task/annotations.xml": b"x"}
         ),
         archive({"annotations.xml": XML}, zipfile.ZIP_STORED),
+        archive({"task/._annotations.xml": b"x", "task/annotations.xml": XML}),
     ],
 )
 def test_the_format_is_told_by_content(data: bytes) -> None:
