@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import struct
+import warnings
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 from gcvec.errors import InputError
-from gcvec.io import DEFAULT_LIMITS, probe_picture, read_picture
+from gcvec.io import DEFAULT_LIMITS, picture, probe_picture, read_picture
 from tests.picture_files import encoded, png, png_with_header, swapped_profile
 
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF")
@@ -301,3 +302,26 @@ def test_a_file_with_flipped_bytes_reads_or_is_refused(kind: str, data: st.DataO
         return
     header = probe_picture(bytes(file), limits=limits)
     assert picture.pixels.shape == (header.height, header.width, 3)
+
+
+def test_pictures_are_read_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What Python warns of belongs to the process: two threads that put it back would undo each other's."""
+    opened = picture._open
+
+    def open_alone(*arguments: Any) -> Any:
+        assert not picture._ONE_AT_A_TIME.acquire(blocking=False)
+        return opened(*arguments)
+
+    monkeypatch.setattr(picture, "_open", open_alone)
+    data = encoded(blocks())
+    assert probe_picture(data).width == read_picture(data).pixels.shape[1] == 48
+    assert not picture._ONE_AT_A_TIME.locked()
+
+
+def test_reading_leaves_warnings_as_they_were() -> None:
+    before = list(warnings.filters)
+    read_picture(encoded(blocks()))
+    with pytest.raises(InputError):
+        read_picture(b"\x89PNG\r\n\x1a\n")
+    assert warnings.filters == before
+    assert not picture._ONE_AT_A_TIME.locked()

@@ -73,3 +73,17 @@ def test_nothing_covered_or_nothing_uncovered_changes_nothing() -> None:
 def test_components_are_scipys() -> None:
     mask = np.random.default_rng(0).uniform(size=(30, 41)) < 0.3
     np.testing.assert_array_equal(_components(mask), ndimage.label(mask, np.ones((3, 3)))[0])
+
+
+@pytest.mark.parametrize(("length", "closes"), [(5, False), (6, True)])
+def test_only_a_strip_of_some_length_along_the_frame_closes(length: int, closes: bool) -> None:
+    owners = np.full((20, 30), 7, dtype=np.int32)
+    owners[0, 10 : 10 + length] = UNCOVERED
+    assert (closed(owners) == 7).all() == closes
+
+
+def test_corners_of_the_frame_count_once() -> None:
+    """Five pixels around a corner, all of them on the frame."""
+    owners = np.full((20, 30), 7, dtype=np.int32)
+    owners[:3, 0] = owners[0, :3] = UNCOVERED
+    np.testing.assert_array_equal(closed(owners), owners)
