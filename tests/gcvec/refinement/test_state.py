@@ -1,0 +1,274 @@
+"""The state of refinement: its points, colours and error belong together, and what it says of them is so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gcvec.patches.canonical import lay_canvas
+from gcvec.quantization import Quantization
+from gcvec.raster import paint
+from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.state import (
+    FEW_A_PIXEL,
+    FIRST_POINTS,
+    LEAST_RETURN,
+    NEAR,
+    RISE,
+    SETTLED,
+    Refinement,
+    _Best,
+)
+from gcvec.timing import StageClock
+from tests.gcvec.scenes import SCENES, foundation_of, some_points
+
+FOUNDATION = foundation_of("voronoi")
+N_BOUNDARY = FOUNDATION.space.size
+N_PIXELS = FOUNDATION.network.width * FOUNDATION.network.height
+
+
+def photo() -> np.ndarray:
+    """Regions of a colour each under waves that take points."""
+    picture = SCENES["voronoi"].picture().astype(float)
+    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    waves = 20 * np.sin(x / 4) * np.sin(y / 5)
+    return np.asarray(np.clip(picture + waves[..., None], 0, 255)).astype(np.uint8)
+
+
+def state_of(
+    pixels: np.ndarray | None = None,
+    aim: float = 5.0,
+    max_points: int = 0,
+    start: Start | None = None,
+    on_step: Callable[[Step], None] = lambda _: None,
+) -> Refinement:
+    scene = Scene(photo() if pixels is None else pixels, FOUNDATION, np.full((N_BOUNDARY, 3), 0.5))
+    terms = Terms(aim, Quantization(), max_points)
+    return Refinement(scene, terms, lambda _: aim, on_step, StageClock(), start)
+
+
+def begun(aim: float = 5.0, max_points: int = 0) -> Refinement:
+    state = state_of(aim=aim, max_points=max_points)
+    state.begin()
+    return state
+
+
+def shown(state: Refinement) -> np.ndarray:
+    """The picture `(pixels, 3)` of a state's points and colours, drawn from them alone."""
+    canvas = lay_canvas(state.foundation, state.points)
+    drawing, operator, corner_color = canvas.unit
+    network = state.foundation.network
+    picture = paint(
+        drawing.image, drawing.triangles, operator @ state.colors, corner_color, network.width, network.height
+    )
+    return np.asarray(picture).reshape(-1, 3)
+
+
+def assert_true(state: Refinement) -> None:
+    """Its error is that of the picture it stands for; points are distinct, by rows, of a colour each."""
+    residual = state.truth - shown(state)
+    np.testing.assert_allclose(state.residual, residual, atol=2e-5)
+    assert state.mse == pytest.approx(65025 * (residual**2).mean(), rel=1e-3)
+    assert len(state.colors) == N_BOUNDARY + len(state.points)
+    x, y = state.points.T
+    assert (np.diff(y * state.foundation.network.width + x) > 0).all()
+    assert ((state.colors >= 0) & (state.colors <= 1)).all()
+
+
+def test_every_round_leaves_a_state_that_is_true() -> None:
+    state = state_of()
+    state.begin()
+    assert_true(state)
+    for step in (
+        lambda: state.seed(5.0),
+        lambda: state.grow(3.0, early=False),
+        lambda: state.exchange(0.2),
+        lambda: state.catch_up(),
+        lambda: state.settle(),
+    ):
+        step()
+        assert_true(state)
+    assert state.foundation.geometry.mesh.n_points == 0
+    assert len(state.canvas.foldovers()) == 0
+
+
+def test_growth_comes_near_the_aim_and_exchanges_come_closer() -> None:
+    state = begun(aim=8.0)
+    assert state.grow(3.0, early=False)
+    assert state.mse <= NEAR * 8.0
+    for _ in range(2):
+        assert state.exchange(0.15)
+    assert state.mse == pytest.approx(8.0, rel=0.1)
+
+
+def test_colours_are_brought_closer_to_the_best_ones() -> None:
+    """What is minimised, equation (7) with its pulls, falls with every fit of the same points."""
+    state = begun()
+    state.seed(5.0)
+
+    def objective() -> float:
+        prior, pull = state._pull()
+        return float((state.residual**2).sum() + (pull[:, None] * (state.colors - prior) ** 2).sum())
+
+    before = objective()
+    state.converge()
+    after = objective()
+    assert after < before
+    state.settle()
+    assert objective() <= after * (1 + 1e-6)
+
+
+def test_colours_are_pulled_to_their_first_estimates_and_to_the_photo() -> None:
+    state = begun()
+    state.seed(5.0)
+    prior, pull = state._pull()
+    np.testing.assert_array_equal(prior[:N_BOUNDARY], 0.5)
+    np.testing.assert_allclose(prior[N_BOUNDARY:], photo()[state.points[:, 1], state.points[:, 0]] / 255)
+    assert len(set(pull[:N_BOUNDARY])) == len(set(pull[N_BOUNDARY:])) == 1
+
+
+def test_energy_is_what_colours_give_to_a_pixel_in_squares() -> None:
+    state = begun()
+    state.seed(5.0)
+    assert state.energy == pytest.approx(state.fit.design.power(2).sum() / N_PIXELS, rel=1e-4)
+
+
+def test_it_can_be_compared_with_another_picture() -> None:
+    state = state_of()
+    other = np.full((N_PIXELS, 3), 0.25, np.float32)
+    state.compare_with(other)
+    state.begin()
+    assert state.truth is other
+    assert_true(state)
+    assert np.abs(shown(state) - other).mean() < 0.02
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.4])
+def test_points_can_be_spared_for_as_much_as_the_error_may_rise(share: float) -> None:
+    state = begun()
+    state.mse = 5.0 / (1 + RISE * share)
+    assert state.spare == pytest.approx(share)
+    state.mse = 6.0
+    assert state.spare == 0.0
+    state.lack = 6.0 - 5.0 / (1 + RISE * share)
+    assert state.spare == pytest.approx(share)
+
+
+def test_a_round_places_no_more_than_it_may() -> None:
+    state = begun(aim=0.1)
+    state.seed(200.0)
+    for _ in range(3):
+        before = len(state.points)
+        state._place(0.0, 0.5, 0.0)
+        assert before < len(state.points) <= 1.5 * before + FIRST_POINTS * N_PIXELS + 4
+
+
+def test_regions_fill_up_to_their_bound() -> None:
+    state = begun(aim=0.1, max_points=6)
+    assert not state.full
+    while state.catch_up():
+        pass
+    count = np.bincount(state.canvas.patch_of_points())
+    assert count.max() == 6
+    assert state.full
+    assert (state._room() == 6 - state._points_by_region()).all()
+    assert state.lack > 0
+    assert state.open_mse == state.mse - state.lack
+
+
+def test_steps_are_told_with_what_has_grown() -> None:
+    steps: list[Step] = []
+    state = state_of(on_step=steps.append)
+    state.begin()
+    state.seed(20.0)
+    seeded = set(state.canvas.patch_of_points().tolist())
+    state.left = 3
+    state.exchange(0.1)
+    assert [step.iteration for step in steps] == [1, 2, 3]
+    assert [step.left for step in steps] == [None, None, 3]
+    assert steps[0].grown == frozenset()
+    assert steps[1].grown == seeded
+    last = steps[-1]
+    assert (last.points, last.mse) == (len(state.points), state.mse)
+    assert last.worst_error == pytest.approx(255 * np.abs(state.residual).max())
+    square = (state.residual**2).sum(axis=1)
+    by_region = np.bincount(state.foundation.geometry.patch_at().ravel(), square)
+    assert last.worst_region == by_region.argmax()
+
+
+def test_it_goes_on_where_others_have_begun() -> None:
+    first = begun()
+    first.seed(5.0)
+    steps: list[Step] = []
+    start = Start(first.points, first.colors, 4, 0.5)
+    again = state_of(start=start, on_step=steps.append)
+    again.begin()
+    assert [step.iteration for step in steps] == [5]
+    assert again.lack == 0.5
+    np.testing.assert_array_equal(again.points, first.points)
+    assert again.mse <= first.mse * (1 + 1e-4)
+
+
+def crowd(state: Refinement, n: int) -> None:
+    """Add so many points, wherever there is room."""
+    known = {tuple(point) for point in state.points.tolist()}
+    more = [p for p in some_points(state.foundation, 2 * n).tolist() if tuple(p) not in known]
+    state._insert(np.array(more[:n]))
+
+
+def test_points_that_bring_nothing_are_taken_back() -> None:
+    """In a picture that needs none at all."""
+    state = state_of(pixels=np.full((70, 90, 3), 99, np.uint8))
+    state.begin()
+    crowd(state, 250)
+    few, mse = state.points, state.mse
+    state._remember()
+    crowd(state, 900)
+    assert len(state.points) > 1000
+    state.mse = mse  # as if they had changed nothing
+    assert state.fall_back()
+    np.testing.assert_array_equal(state.points, few)
+    assert state.mse <= mse
+    assert_true(state)
+
+
+def test_points_that_are_worth_it_stay() -> None:
+    state = begun()
+    state._remember()
+    state.grow(3.0, early=False)
+    grown = state.points
+    assert not state.fall_back()
+    assert state.points is grown
+
+
+def test_without_anything_better_there_is_no_way_back() -> None:
+    assert not begun().fall_back()
+
+
+@pytest.mark.parametrize(("better", "goes"), [(0.999, True), (1.001, False)])
+def test_a_bargain_is_taken_only_if_it_is_better_after_its_last_fit(better: float, goes: bool) -> None:
+    state = begun()
+    state._best = _Best(better * state._bargain() / SETTLED, state.points, state.colors, 0.25)
+    assert state.fall_back() is goes
+    assert state.lack == (0.25 if goes else 0.0)
+
+
+def test_a_bargain_weighs_the_error_against_a_small_power_of_the_points() -> None:
+    """Few points count as if they were more; only the best bargain is remembered."""
+    state = begun()
+    least = FEW_A_PIXEL * N_PIXELS
+    state.mse = 10.0
+    assert state._bargain() == pytest.approx(10 * least**LEAST_RETURN)
+    crowd(state, 800)
+    state.mse = 10.0
+    assert state._bargain() == pytest.approx(10 * 800**LEAST_RETURN)
+    state._remember()
+    state.mse = 11.0
+    state._remember()
+    assert state._best is not None
+    assert state._best.bargain == pytest.approx(10 * 800**LEAST_RETURN)
+    state.mse = 9.0
+    state._remember()
+    assert state._best.bargain == pytest.approx(9 * 800**LEAST_RETURN)
