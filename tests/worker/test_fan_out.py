@@ -124,6 +124,18 @@ def test_requests_lie_in_the_store_while_they_may_be_claimed(bench: Bench) -> No
     bench.run()
 
 
+def test_what_the_task_has_done_nobody_can_claim(bench: Bench) -> None:
+    def look() -> None:
+        assert bench.shop.client.zrange(parts_key(bench.job.id, 1, ROUND), 0, -1) == ["2", "1"]
+
+    def look_next_time() -> None:
+        bench.meanwhile = look
+
+    bench.meanwhile = look_next_time
+    assert bench.run() == [0, 1, 2]
+    assert bench.meanwhile is not look
+
+
 def test_what_others_have_done_is_taken_from_them(bench: Bench) -> None:
     def help_out() -> None:
         assert bench.claim() == 1

@@ -6,10 +6,22 @@ import numpy as np
 import pytest
 
 from gcvec.greedy import begin
-from gcvec.greedy.placement import look_everywhere
-from gcvec.greedy.strip import ENTRIES, VERTICES
+from gcvec.greedy.colors import usefulness
+from gcvec.greedy.placement import LEAST_COVER, LEAST_MARGIN, _grow, _least, look_everywhere
+from gcvec.greedy.queues import Queue
+from gcvec.greedy.strip import CANDIDATES, ENTRIES, VERTICES, Strip
 from gcvec.parallel import use_workers
-from tests.gcvec.greedy.gardens import Garden, alive, garden, garden_on, painted, triangle_keys
+from gcvec.patches.mesh import jitter
+from tests.gcvec.greedy.gardens import (
+    PULL,
+    Garden,
+    alive,
+    garden,
+    garden_on,
+    painted,
+    triangle_keys,
+    whole_vertices,
+)
 from tests.gcvec.scenes import needle, no_points
 
 
@@ -207,3 +219,147 @@ def test_gaps_that_triangles_leave_are_closed() -> None:
     assert len(scarce.placement.result()[0]) == len(ample.placement.result()[0])
     assert triangle_keys(tight) == triangle_keys(ample.placement.strips[0])
     np.testing.assert_allclose(tight.residual, scarce.photo - painted(tight, height) - rest, atol=2e-4)
+
+
+def gain_of(strip: Strip, t: int, e: int) -> float:
+    """What a point at an entry of a triangle would save."""
+    own = np.arange(strip.first[t], strip.last[t])
+    area = strip.weights[own].sum(axis=1).astype(float)
+    q = strip.weights[e] / strip.weights[e].sum()
+    phi = np.maximum((strip.weights[own] / q).min(axis=1), 0)
+    pressure = (phi[:, None] * strip.residual[strip.pixel[own]]).sum(axis=0)
+    return float((pressure**2).sum() / (1e-12 + (phi**2 / area).sum()))
+
+
+def test_of_a_large_triangle_the_worst_pixels_are_tried() -> None:
+    """Of equally bad ones the first; those that can have no point are none of them."""
+    start = garden("ring", 60)
+    (strip,) = start.placement.strips
+    seats = start.placement._seats
+    strip.residual[:] = np.round(4 * strip.residual) / 4  # many are equally bad
+    look_everywhere(strip, seats, 0.0)
+    large = [t for t in alive(strip) if strip.last[t] - strip.first[t] > 40]
+    assert len(large) > 20
+    for t in large:
+        own = np.arange(strip.first[t], strip.last[t])
+        at = seats.under[strip.pixel[own] + strip.first_row * strip.width]
+        free = ~seats.taken[at] & (seats.patch[at] == strip.patch[t])
+        able = own[free & (strip.weights[own].sum(axis=1) >= LEAST_COVER)]
+        square = (strip.residual[strip.pixel[able]].astype(float) ** 2).sum(axis=1)
+        tried = able[np.argsort(-square, kind="stable")[:CANDIDATES]]
+        share = strip.weights[tried] / strip.weights[tried].sum(axis=1, keepdims=True)
+        gains = [gain_of(strip, t, e) for e in tried[share.min(axis=1) >= LEAST_MARGIN]]
+        assert strip.gain[t] == pytest.approx(max(gains, default=0.0), rel=1e-3, abs=1e-6)
+
+
+def looked_at(start: Garden) -> tuple[Strip, np.ndarray]:
+    """The strip of a placement, and its triangles where a point saves something, the best first."""
+    (strip,) = start.placement.strips
+    look_everywhere(strip, start.placement._seats, 0.0)
+    triangles = alive(strip)
+    useful = triangles[strip.gain[triangles] > 0]
+    return strip, useful[np.argsort(-strip.gain[useful])]
+
+
+def plenty(start: Garden) -> np.ndarray:
+    return np.full(len(start.foundation.network.loops), 1000)
+
+
+def test_a_triangle_that_has_changed_waits() -> None:
+    start = garden("voronoi", 60)
+    strip, useful = looked_at(start)
+    before = int(strip.counts[VERTICES])
+    room = plenty(start)
+    _grow(strip, start.placement._seats, np.repeat(useful[:1], 3), room, PULL)
+    assert strip.counts[VERTICES] == before + 1
+    assert room.sum() == plenty(start).sum() - 1
+    around = [t for t in alive(strip) if before in strip.triangles[t]]
+    assert len(around) >= 3
+    assert (strip.gain[around] == 0).all()
+
+
+def test_each_point_takes_its_patchs_room_and_its_seat() -> None:
+    start = garden("quadrants", 60)
+    strip, useful = looked_at(start)
+    seats = start.placement._seats
+    before, taken = int(strip.counts[VERTICES]), seats.taken.copy()
+    room = np.array([2, 0, 5, 1000])
+    _grow(strip, seats, useful, room, PULL)
+    new = np.arange(before, strip.counts[VERTICES])
+    used = np.bincount(seats.patch[strip.seat[new]], minlength=4)
+    assert used[:3].tolist() == [2, 0, 5]
+    assert room.tolist() == [0, 0, 0, 1000 - used[3]]
+    assert not taken[strip.seat[new]].any()
+    assert np.flatnonzero(seats.taken & ~taken).tolist() == sorted(strip.seat[new])
+
+
+def test_a_part_of_a_picture_puts_points_where_the_whole_one_does() -> None:
+    """The hash that moves a point off its pixel's centre is that of the pixel in the whole picture."""
+    start = garden("voronoi", 60)
+    strip, useful = looked_at(start)
+    v = int(strip.counts[VERTICES])
+    part = start.placement._seats._replace(column=512, row=256)
+    _grow(strip, part, useful[:1], plenty(start), PULL)
+    pixel = np.array([[strip.seat[v] % strip.width, strip.seat[v] // strip.width]], np.int64)
+    np.testing.assert_allclose(strip.domain[v], jitter(pixel, (512, 256))[0], rtol=0, atol=1e-9)
+    assert np.abs(strip.domain[v] - jitter(pixel)[0]).max() > 1e-3
+
+
+def test_those_that_go_are_the_least_useful() -> None:
+    start = garden("quadrants", 200)
+    (strip,) = start.placement.strips
+    use = np.array([usefulness(strip, v) for v in whole_vertices(strip)])
+    seat = strip.seat[whole_vertices(strip)].copy()
+    start.placement.thin_out(0.25)
+    gone = ~np.isin(seat, strip.seat[: strip.counts[VERTICES]])
+    assert gone.sum() <= int(0.25 * len(use))
+    assert use[gone].max() <= np.sort(use)[int(0.25 * len(use)) - 1]
+
+
+@pytest.mark.parametrize(("share", "least"), [(0.0, -np.inf), (0.24, -np.inf), (0.25, 1), (0.5, 2), (1.0, 4)])
+def test_the_limit_is_the_most_useful_one_of_a_share(share: float, least: float) -> None:
+    assert _least(np.array([3.0, 1.0, 4.0, 2.0]), share) == least
+
+
+def test_the_best_of_a_queue_exceed_the_threshold_and_fit_into_their_patches() -> None:
+    placement = garden("quadrants", 40, left=2).placement
+    gain, patch = np.array([3.0, 9.0, 5.0, 9.0, 2.0]), np.array([0, 0, 0, 1, 1], np.int32)
+    queue = Queue(np.arange(5) * 10, gain, patch, np.array([2, 0, 1, 0, 1]))
+    assert placement._best(queue).tolist() == [10, 30, 20, 40]
+    placement._threshold = 2.0
+    assert placement._best(queue).tolist() == [10, 30, 20]
+    placement._room = None
+    placement._threshold = 0.0
+    assert placement._best(queue).tolist() == [10, 30, 20, 0, 40]
+
+
+def test_ranks_count_the_better_ones_of_a_patch_in_all_strips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(begin, "TRIANGLES_A_STRIP", 100)
+    placement = garden("ring", 300, left=50).placement
+    queues, full = placement._queues()
+    assert len(queues) == 4
+    assert not len(full.square)
+    gain, patch, rank = (
+        np.concatenate([getattr(q, name) for q in queues]) for name in ("gain", "patch", "rank")
+    )
+    better = (gain[None] > gain[:, None]) & (patch[None] == patch[:, None])
+    as_good = (gain[None] == gain[:, None]) & (patch[None] == patch[:, None])
+    assert (better.sum(axis=1) <= rank).all()
+    assert (rank < (better | as_good).sum(axis=1)).all()
+
+
+def test_full_patches_are_told_by_their_error_price_and_area() -> None:
+    start = garden("quadrants", 40, left=5)
+    placement, patch = start.placement, start.foundation.geometry.patch_at().ravel()
+    assert placement._room is not None
+    placement._room[1] = placement._room[3] = 0
+    queues, full = placement._queues()
+    (strip,) = placement.strips
+    assert set(queues[0].patch.tolist()) == {0, 2}
+    own = slice(strip.first_row * strip.width, (strip.first_row + strip.rows) * strip.width)
+    square = np.bincount(patch[own], (strip.residual.astype(float) ** 2).sum(axis=1))
+    np.testing.assert_allclose(full.square, square[[1, 3]], rtol=1e-5)
+    assert full.area == pytest.approx(np.isin(patch, [1, 3]).mean())
+    for p, price in zip((1, 3), full.price, strict=True):
+        own_triangles = [t for t in alive(strip) if strip.patch[t] == p]
+        assert price == strip.gain[own_triangles].max()
