@@ -12,10 +12,17 @@ from gcvec.quantization import Quantization
 from gcvec.raster import paint
 from gcvec.refinement.scene import Scene, Start, Step, Terms
 from gcvec.refinement.state import (
+    CROWDED,
+    EARLY,
+    EARLY_NEAR,
+    FEW,
     FEW_A_PIXEL,
     FIRST_POINTS,
+    GROWTH,
+    LEAST_CHANGE,
     LEAST_RETURN,
     NEAR,
+    REPLACEMENT,
     RISE,
     SETTLED,
     Refinement,
@@ -272,3 +279,94 @@ def test_a_bargain_weighs_the_error_against_a_small_power_of_the_points() -> Non
     state.mse = 9.0
     state._remember()
     assert state._best.bargain == pytest.approx(9 * 800**LEAST_RETURN)
+
+
+class Scripted(Refinement):
+    """A state whose rounds end as a test says: with so many points, such an error, and whether more help.
+
+    asked  share, growth and expected error of each round
+    """
+
+    aim = 1.0  # type: ignore[assignment]
+
+    def __init__(self, *rounds: tuple[int, float, bool], points: int = 0, mse: float = 100.0) -> None:
+        self.points, self.mse, self.lack, self.bias = np.zeros((points, 2), np.int64), mse, 0.0, 1.0
+        self.truth = np.zeros((40_000, 3), np.float32)
+        self.rounds = list(rounds)
+        self.asked: list[tuple[float, float, float]] = []
+
+    def _place(self, share: float, growth: float, expected: float) -> bool:
+        self.asked.append((share, growth, expected))
+        n, self.mse, more = self.rounds.pop(0)
+        self.points = np.zeros((n, 2), np.int64)
+        return more
+
+
+def test_growth_ends_near_the_aim() -> None:
+    """Here it is 1."""
+    state = Scripted((10, NEAR + 0.01, True), (20, NEAR, True))
+    assert state.grow(3.0, early=True)
+    assert state.asked == [(0.0, 3.0, pytest.approx(1 / SETTLED))] * 2
+    assert Scripted(mse=NEAR).grow(3.0, early=True)
+
+
+def test_growth_ends_where_no_more_points_help() -> None:
+    assert not Scripted((10, 50.0, True), (11, 40.0, False)).grow(3.0, early=False)
+
+
+@pytest.mark.parametrize(("points", "change", "goes_on"), [(10, 1, False), (10, -1, True), (11, 1, True)])
+def test_growth_ends_with_a_round_that_changes_nothing(points: int, change: int, goes_on: bool) -> None:
+    """It takes points, or an error that falls by a hundredth."""
+    rounds = [(10, 50.0, True), (points, 50.0 * LEAST_CHANGE + 0.01 * change, True), (99, 1.0, True)]
+    state = Scripted(*rounds)
+    assert state.grow(3.0, early=False) is goes_on
+    assert len(state.asked) == 2 + goes_on
+
+
+def test_with_many_points_growth_leaves_the_rest_to_exchanges() -> None:
+    state = Scripted((FEW, EARLY_NEAR + 0.01, True), (FEW + 1, EARLY_NEAR, True))
+    assert state.grow(3.0, early=True)
+    assert [expected for *_, expected in state.asked] == [1 / SETTLED, EARLY / SETTLED]
+    late = Scripted((FEW, EARLY_NEAR, True), (FEW + 1, NEAR, True))
+    assert late.grow(3.0, early=False)
+    assert [expected for *_, expected in late.asked] == [1 / SETTLED] * 2
+
+
+def idle(n: int, mse: float, growth: float = 1.5) -> tuple[int, float]:
+    """So many times the points, and an error that has fallen a little less than they are worth."""
+    return int(growth * n), mse * (growth - 0.01) ** -LEAST_RETURN
+
+
+def test_a_crowd_that_brings_little_twice_in_a_row_is_enough() -> None:
+    n, mse = int(CROWDED * 40_000) + 1, 50.0
+    once, twice = idle(n, mse), idle(*idle(n, mse))
+    state = Scripted((*once, True), (*twice, True), points=n, mse=mse)
+    assert not state.grow(3.0, early=False)
+    assert state.rounds == []
+
+
+def test_a_round_that_helps_makes_good_for_one_before_that_did_not() -> None:
+    n, mse = int(CROWDED * 40_000) + 1, 50.0
+    once = idle(n, mse)
+    helped = once[0] * 2, once[1] / 2
+    state = Scripted(
+        (*once, True), (*helped, True), (*idle(*helped), True), (90_000, 1.0, True), points=n, mse=mse
+    )
+    assert state.grow(3.0, early=False)
+    assert state.rounds == []
+
+
+def test_few_points_may_bring_little() -> None:
+    state = Scripted((150, 49.0, True), (225, 48.0, True), (340, 47.0, True), (400, 1.0, True), points=100)
+    assert state.grow(3.0, early=False)
+
+
+def test_an_exchange_puts_no_more_in_than_so_many_times_what_it_takes_out() -> None:
+    state = Scripted(*[(10, 1.0, True)] * 3, mse=1.0)
+    state.bias = 1.5
+    assert state.exchange(0.2)
+    assert state.exchange(0.0)
+    assert state.catch_up()
+    assert [asked[:2] for asked in state.asked] == [(0.2, 0.2 * REPLACEMENT), (0.0, GROWTH), (0.0, GROWTH)]
+    # Only growth believes that errors come out lower than placement foresees.
+    assert [asked[2] for asked in state.asked] == pytest.approx([1 / SETTLED, 1.5 / SETTLED, 1.0])
