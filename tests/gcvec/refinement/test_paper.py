@@ -13,9 +13,11 @@ from gcvec import Annotations, Options, Progress, Shape, VectorImage, raster, ve
 from gcvec.patches.canonical import Canvas, Foundation, lay_canvas
 from gcvec.patches.mesh import build_mesh
 from gcvec.quantization import Quantization
+from gcvec.refinement import paper
 from gcvec.refinement.clearance import room
 from gcvec.refinement.paper import (
     WEIGHT,
+    _Refinement,
     at_pixel_centres,
     domain_pixels,
     fitted_colors,
@@ -184,3 +186,82 @@ def test_both_reach_the_target_and_say_what_it_cost(strategy: str) -> None:
     assert report.points == len(image.points) > 0
     assert report.seconds["total"] > 0
     assert {"mesh_harmonic", "evaluation", "optimization"} <= report.seconds.keys()
+
+
+def beginning() -> _Refinement:
+    """The loop's state before the first point, its pixels measured."""
+    foundation, boundary_colors = start()
+    state = _Refinement(Scene(case().pixels, foundation, boundary_colors), StageClock())
+    for region in range(len(foundation.network.loops)):
+        state.evaluate(region, build_mesh(foundation.network, foundation.samples, state.points))
+    return state
+
+
+def able(state: _Refinement, region: int) -> np.ndarray:
+    """Pixels of a region, row by row, that can become control points if nothing folds."""
+    x, y = state.domain_pixel.T
+    return np.flatnonzero(
+        (state.owner == region) & (x >= 0) & state.usable[y, x] & (state.patch_at[y, x] == region)
+    )
+
+
+def test_of_equally_bad_pixels_the_first_becomes_a_point() -> None:
+    state = beginning()
+    state.error[:] = 0.1
+    for k in range(3):
+        first = able(state, 1)[0]
+        assert state.insert_worst(1) is not None
+        np.testing.assert_array_equal(state.points[k], state.domain_pixel[first])
+        np.testing.assert_array_equal(state.wanted[k], state.truth[first])
+    assert state.of_region.tolist() == [1, 1, 1]
+
+
+def test_a_point_goes_where_no_other_is() -> None:
+    """However bad its pixel still is."""
+    state = beginning()
+    state.error[:] = 0.1
+    worst = able(state, 0)[100]
+    state.error[worst] = 0.5
+    state.insert_worst(0)
+    state.insert_worst(0)
+    np.testing.assert_array_equal(state.points[0], state.domain_pixel[worst])
+    assert len(np.unique(state.points, axis=0)) == 2
+
+
+def test_a_point_that_would_fold_is_passed_over_for_good(monkeypatch: pytest.MonkeyPatch) -> None:
+    state = beginning()
+    first, second, third = np.argsort(-(state.error[able(state, 0)] ** 2).sum(axis=1), kind="stable")[:3]
+    wanted = state.domain_pixel[able(state, 0)[[first, second, third]]]
+    folds = [True]
+    monkeypatch.setattr(paper, "turns_over", lambda *_: bool(folds) and folds.pop())
+    for _ in range(2):
+        assert state.insert_worst(0) is not None
+    np.testing.assert_array_equal(state.points, wanted[1:])
+
+
+def test_where_no_pixel_can_be_a_point_there_is_none() -> None:
+    state = beginning()
+    state.usable[:] = False
+    assert state.insert_worst(0) is None
+    assert len(state.points) == 0
+
+
+def test_the_last_of_a_region_that_can_be_a_point_becomes_one() -> None:
+    state = beginning()
+    last = state.domain_pixel[able(state, 1)[-1]]
+    state.usable[:] = False
+    state.usable[last[1], last[0]] = True
+    assert state.insert_worst(0) is None
+    assert state.insert_worst(1) is not None
+    np.testing.assert_array_equal(state.points, last[None])
+    assert (state.count(0), state.count(1)) == (0, 1)
+
+
+def test_errors_are_told_of_regions_and_of_the_picture() -> None:
+    state = beginning()
+    state.error[:] = np.where(state.owner == 1, 0.2, 0.1)[:, None]
+    state.error[7, 1] = -0.9
+    assert state.mse(1) == pytest.approx(0.04 * 65025)
+    assert state.mse() == pytest.approx((state.error**2).mean() * 65025)
+    assert state.worst() == pytest.approx(0.9 * 255)
+    assert state.mse(99) == 0.0
