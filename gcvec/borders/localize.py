@@ -26,7 +26,7 @@ PASSES = 3
 """So often before corners are looked for, and after."""
 
 LARGEST_SHIFT = 1.5
-"""No sample moves further than this, pixels, unless the caller asks for less."""
+"""The photo moves no sample further than this, pixels, unless the caller asks for less."""
 
 LEAST_TRUST = 0.001
 """What a sample counts that only the label map knows: there waves of a few samples vanish."""
@@ -57,7 +57,8 @@ def localized(
 ) -> tuple[Borders, Borders]:
     """The traced borders, cut at real corners, and the same on the photo's steps.
 
-    `picture` is `(h, w, 3)` in [0, 1]; no sample or node moves further than `largest_shift` pixels.
+    `picture` is `(h, w, 3)` in [0, 1]. It moves no sample further than `largest_shift` pixels; what smooths
+    the staircases of the label map comes on top, and nodes may move further (`NODE_SHIFT`).
     """
     if all(border.on_frame for border in traced.borders):
         return traced, traced
