@@ -11,8 +11,7 @@ from gcvec.borders import contraction
 from gcvec.borders.border import Borders, borders
 from gcvec.borders.contraction import LEAST_SAMPLES, MOST_SAMPLES, SAME_PLACE, without_shortest
 from gcvec.borders.planar_graph import planar_graph
-from gcvec.curves.loops import network_loops
-from gcvec.curves.network import Curve
+from tests.gcvec.borders.walks import assert_whole
 
 SIDE = 40
 
@@ -50,26 +49,6 @@ def shrunk(traced: Borders, way: tuple[float, float] = (0.0, 0.0)) -> Borders:
     """The short border between the regions 1 and 2 drawn from (21, 20) along this way, as it runs."""
     short = traced.borders[between(traced, 1, 2)]
     return moved_to(traced, {short.start: (21.0, 20.0), short.end: (21.0 + way[0], 20.0 + way[1])})
-
-
-def assert_whole(found: Borders) -> None:
-    """Every border runs between its nodes, and the loops are those that the borders form."""
-    curves = []
-    for border in found.borders:
-        assert 0 <= border.start < len(found.nodes)
-        assert 0 <= border.end < len(found.nodes)
-        points = np.concatenate(
-            [found.nodes[[border.start]], border.samples[1:-1], found.nodes[[border.end]]]
-        )
-        curves.append(Curve(points, border.left, border.right, border.start, border.end))
-
-    def from_least(loop: tuple[tuple[int, bool], ...]) -> tuple[tuple[int, bool], ...]:
-        first = loop.index(min(loop))
-        return loop[first:] + loop[:first]
-
-    formed = network_loops(tuple(curves), len(found.loops))
-    for ours, theirs in zip(found.loops, formed, strict=True):
-        assert sorted(map(from_least, ours)) == sorted(map(from_least, theirs))
 
 
 def way_of(traced: Borders, length: float) -> tuple[float, float]:

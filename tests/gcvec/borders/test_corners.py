@@ -5,7 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcvec.borders.corners import GAP, LEAST_TURN, SIDES, SURE_ERROR, UNSURE_ERROR, corner_gains
+from gcvec.borders.border import Borders, borders
+from gcvec.borders.corners import (
+    GAP,
+    LEAST_TURN,
+    SIDES,
+    SURE_ERROR,
+    UNSURE_ERROR,
+    _cut,
+    _lattice_point,
+    corner_gains,
+)
+from gcvec.borders.localize import localized
+from gcvec.borders.planar_graph import planar_graph
+from tests.gcvec.borders.walks import assert_whole
+from tests.gcvec.scenes import SCENES, Scene
 
 Fit = tuple[np.ndarray, np.ndarray, float]
 
@@ -82,3 +96,70 @@ def test_a_smooth_arc_has_no_corner() -> None:
     for side in SIDES:
         gains, _, _ = corner_gains(points, np.ones(62), np.array([0, 62]), np.array([True]), side)
         assert gains.max() < 1
+
+
+def ring_and_cross() -> Borders:
+    """Four regions that meet in one node, and a fifth inside one of them, whose border is closed."""
+    labels = np.zeros((40, 44), np.int32)
+    labels[:20, 22:], labels[20:, :22], labels[20:, 22:] = 1, 2, 3
+    labels[25:35, 28:38] = 4
+    return borders(planar_graph(labels), 44, 40)
+
+
+def half_way(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.asarray((a + b) / 2)
+
+
+@pytest.mark.parametrize("cuts", [[3], [3, 11], [0, 16, 17]])
+@pytest.mark.parametrize("closed", [False, True])
+def test_pieces_of_a_border_are_the_border(closed: bool, cuts: list[int]) -> None:
+    """Its samples in order, none twice, with a node, which nobody knows for sure, where it was cut."""
+    before = ring_and_cross()
+    k = next(k for k, b in enumerate(before.borders) if not b.on_frame and b.closed == closed)
+    border = before.borders[k]
+    after = _cut(before, {k: cuts}, half_way)
+    assert_whole(after)
+    pieces = after.borders[k : k + len(cuts) + (not closed)]
+    assert len(after.borders) == len(before.borders) + len(pieces) - 1
+    assert len(after.nodes) == len(before.nodes) + len(cuts)
+    assert all((p.left, p.right) == (border.left, border.right) for p in pieces)
+    walked = np.concatenate([piece.samples[1:-1] for piece in pieces])
+    own = np.roll(border.samples[:-1], -cuts[0] - 1, axis=0) if closed else border.samples[1:-1]
+    np.testing.assert_array_equal(walked, own)
+    places = {tuple(half_way(border.samples[c], border.samples[c + 1])) for c in cuts}
+    between = [piece.samples[0] for piece in pieces[(not closed) :]]
+    assert {tuple(place) for place in between} == places
+    assert all(piece.trust[[0, -1]].tolist() == [0, 0] and (piece.trust[1:-1] == 1).all() for piece in pieces)
+
+
+def test_borders_without_corners_stay_as_they_are() -> None:
+    before = ring_and_cross()
+    after = _cut(before, {}, half_way)
+    for a, b in zip(before.borders, after.borders, strict=True):
+        assert a.samples is b.samples
+        assert (a.start, a.end) == (b.start, b.end)
+    np.testing.assert_array_equal(before.nodes, after.nodes)
+
+
+@pytest.mark.parametrize("scene", ["voronoi", "stripes"])
+def test_between_two_cracks_lies_the_lattice_point_that_they_share(scene: str) -> None:
+    for arc in planar_graph(SCENES[scene].labels).arcs:
+        middles = (arc.points[1:] + arc.points[:-1]) / 2
+        for k in range(len(middles) - 1):
+            np.testing.assert_array_equal(_lattice_point(middles[k], middles[k + 1]), arc.points[k + 1])
+
+
+@pytest.mark.parametrize(("radius", "corners"), [(0.0, 4), (6.0, 0)])
+def test_corners_are_those_that_the_photo_shows(radius: float, corners: int) -> None:
+    """A label map shows a square with rounded corners nearly as it does a sharp one."""
+
+    def owner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        u, v = (np.abs(0.96 * x + 0.28 * y - 40), np.abs(0.96 * y - 0.28 * x - 24))
+        return np.asarray(np.hypot(*(np.maximum(w - 20 + radius, 0) for w in (u, v))) <= radius).astype(int)
+
+    square = Scene(72, 66, owner)
+    traced = borders(planar_graph(square.labels), 66, 72)
+    for found in localized(traced, square.picture() / 255.0):
+        assert_whole(found)
+        inside = ((found.nodes > 0) & (found.nodes < [66, 72])).all(axis=1)
+        assert inside.sum() == corners
