@@ -90,6 +90,7 @@ def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Floats]:
     a, b, c = (drawing.image[drawing.triangles[:, k]] for k in range(3))
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     area = np.abs(ux * vy - uy * vx)
+    area = area if area.any() else np.ones_like(area)  # an edit may have taken it all away
     of_corner = np.bincount(corner_color.ravel(), np.repeat(area / (3 * area.sum()), 3), operator.shape[0])
     n_boundary = len(image.boundary_colors)
     own = np.concatenate([np.arange(n_boundary), n_boundary + own_points])

@@ -28,8 +28,8 @@ Ints = NDArray[np.int64]
 MOST_DRAWN = 2**31
 """A picture drawn has fewer: their numbers fit into 32 bits."""
 
-BAND = 256
-"""Rows that are rounded at once: what that takes does not grow with the picture."""
+BAND = 2**22
+"""About so many pixels are drawn at once: what that takes does not grow with the picture."""
 
 OVERSHOOT = 1 / 255
 """How far beyond black and white a colour is drawn, where rounding took it there. Channels are clipped only
@@ -126,9 +126,14 @@ class VectorImage:
         height, width = (max(1, round(n * scale)) for n in (self.height, self.width))
         vertices, triangles, colors, corner_color = self.gouraud(scale)
         paint = raster.sample if raw else raster.paint
-        stretch = np.array([width / self.width, height / self.height])
-        picture = paint(vertices * stretch, triangles, colors, corner_color, width, height)
-        return to_8_bit(picture)
+        vertices = vertices * [width / self.width, height / self.height]
+        picture = np.empty((height, width, 3), np.uint8)
+        rows = max(BAND // width, 1)
+        for first in range(0, height, rows):
+            band = picture[first : first + rows]
+            drawn = paint(vertices - [0, first], triangles, colors, corner_color, width, len(band))
+            band[:] = to_8_bit(drawn)
+        return picture
 
     @cached_property
     def picture(self) -> NDArray[np.uint8]:
@@ -181,8 +186,4 @@ class VectorImage:
 
 def to_8_bit(picture: Floats) -> NDArray[np.uint8]:
     """Colours in [0, 1] as bytes, rounded to nearest."""
-    result = np.empty(picture.shape, np.uint8)
-    for first in range(0, len(picture), BAND):
-        own = slice(first, first + BAND)
-        result[own] = np.clip(picture[own], 0, 1) * 255 + 0.5
-    return result
+    return (np.clip(picture, 0, 1) * 255 + 0.5).astype(np.uint8)

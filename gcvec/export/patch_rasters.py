@@ -26,8 +26,11 @@ MOST_SAMPLES = 2**23
 DOUBLINGS = 4
 """The coarsest samples are 2^4 times as long as the finest."""
 
-TOLERANCE = 0.6 / 255
-"""Mean absolute difference to the finest raster that a coarser one may have."""
+TOLERANCE, TOLERANCE_THERE = 0.6 / 255, 3 / 255
+"""Mean absolute difference to the finest raster that a coarser one may have: on all of the patch, and on any
+square of `WINDOW` samples, lest what little detail a large smooth patch has be blurred."""
+
+WINDOW = 64
 
 MARGIN = 2
 """Samples beyond the patch on every side, for readers to interpolate with."""
@@ -71,7 +74,9 @@ def _coarsest(painter: _Painter, finest: float) -> PatchRaster:
     fine = painter.paint(finest)
     for doublings in range(DOUBLINGS, 0, -1):
         coarse = painter.paint(finest * 2**doublings)
-        if _difference(coarse.colors, fine, 2**doublings) <= TOLERANCE:
+        off = _difference(coarse.colors, fine, 2**doublings)
+        there = ndimage.uniform_filter(off, WINDOW, mode="constant")
+        if off.sum() <= TOLERANCE * fine.covered.sum() and there.max() <= TOLERANCE_THERE:
             return coarse.rounded()
     return fine.rounded()
 
@@ -90,14 +95,15 @@ class _Painted:
         return PatchRaster(float(self.origin[0]), float(self.origin[1]), self.step, to_8_bit(self.colors))
 
 
-def _difference(coarse: Floats, fine: _Painted, ratio: int) -> float:
-    """Mean absolute difference on the patch between the finest raster and an interpolated coarser one."""
+def _difference(coarse: Floats, fine: _Painted, ratio: int) -> Floats:
+    """`(h, w)` absolute difference, the mean of its channels, between the finest raster and an interpolated
+    coarser one: 0 beyond the patch."""
     between = ndimage.zoom(coarse, (ratio, ratio, 1), order=1, mode="nearest", grid_mode=True)
     # Both have the same number of samples beyond the patch.
     first = MARGIN * (ratio - 1)
     height, width = fine.covered.shape
     between = between[first : first + height, first : first + width]
-    return float(np.abs(between - fine.colors)[fine.covered].mean())
+    return np.asarray(np.abs(between - fine.colors).mean(axis=2) * fine.covered)
 
 
 class _Painter:

@@ -254,6 +254,17 @@ def test_a_patch_has_the_mean_color_it_is_given(color: tuple[float, float, float
     np.testing.assert_allclose(drawn.mean(axis=0), color, atol=0.02)
 
 
+def test_a_patch_without_an_area_has_a_mean_color() -> None:
+    """All control points of the curve around it are in one place."""
+    image = spheres()
+    curve, around = next((k, c) for k, c in enumerate(image.network.curves) if c.closed)
+    to = around.control_points[0]
+    moves = [Move(curve, i, *(to - at)) for i, at in enumerate(around.control_points)]
+    flat = edit(image, moves)
+    assert (mean_color(flat, around.right) >= 0).all()
+    assert edit(flat, recolors=[Recolor(around.right, (0.5, 0.5, 0.5))]).recoloring is not None
+
+
 def test_colors_out_of_gamut_are_clipped() -> None:
     white = edit(quarters(), recolors=[Recolor(0, (1.0, 1.0, 1.0))])
     own = white.point_colors[white.patch_of_points == 0]

@@ -232,6 +232,14 @@ def border_pixels(image: VectorImage) -> np.ndarray:
     return np.bincount(touched, minlength=image.width * image.height).reshape(image.height, -1) > 1
 
 
+@pytest.mark.parametrize("raw", [False, True])
+def test_bands_of_a_picture_meet(monkeypatch: pytest.MonkeyPatch, raw: bool) -> None:
+    image = vectorized("voronoi")
+    whole = image.render(2.0, raw=raw)
+    monkeypatch.setattr("gcvec.vector_image.BAND", 7 * whole.shape[1])
+    np.testing.assert_array_equal(image.render(2.0, raw=raw), whole)
+
+
 def test_raw_rendering_samples_pixel_centres() -> None:
     image = vectorized("quadrants")
     raw = image.render(raw=True).astype(int)

@@ -18,6 +18,7 @@ from gcvec.export.patch_rasters import (
     _coarsest,
     _continued,
     _difference,
+    _Painted,
     _Painter,
     patch_rasters,
 )
@@ -27,9 +28,9 @@ LOW, HIGH = np.array([3.0, 4.0]), np.array([67.0, 44.0])
 Coloring = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def painter(color: Coloring, pieces: int = 1) -> _Painter:
+def painter(color: Coloring, pieces: int = 1, high: np.ndarray = HIGH) -> _Painter:
     """A rectangle in so many by so many pieces of two triangles each, coloured by its places."""
-    x, y = (np.linspace(a, b, pieces + 1) for a, b in zip(LOW, HIGH, strict=True))
+    x, y = (np.linspace(a, b, pieces + 1) for a, b in zip(LOW, high, strict=True))
     places = np.stack(np.meshgrid(x, y), axis=2).reshape(-1, 2)
     n = pieces + 1
     first = (np.arange(pieces)[:, None] * n + np.arange(pieces)).ravel()[:, None]
@@ -69,6 +70,22 @@ def test_detail_asks_for_finer_samples() -> None:
     assert steps[-1] < steps[0]
 
 
+def test_a_little_detail_in_a_large_patch_asks_for_finer_samples_too() -> None:
+    """It hardly counts in the mean of the patch."""
+
+    def checked_corner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(((x < 40) & (y < 30))[:, None], checks(x, y), even(x, y))
+
+    there = painter(checked_corner, 200, np.array([803.0, 504.0]))
+    fine, coarse = there.paint(FINEST), there.paint(8 * FINEST)
+    assert mean_difference(coarse.colors, fine, 8) < TOLERANCE
+    assert _coarsest(there, FINEST).step < 8 * FINEST
+
+
+def mean_difference(coarse: np.ndarray, fine: _Painted, ratio: int) -> float:
+    return float(_difference(coarse, fine, ratio)[fine.covered].mean())
+
+
 @pytest.mark.parametrize("step", [0.5, 2.0, 8.0])
 def test_samples_go_beyond_the_patch_on_every_side(step: float) -> None:
     found = painter(ramp).paint(step).rounded()
@@ -92,8 +109,8 @@ def test_samples_inside_have_the_colours_of_their_middles(step: float) -> None:
 def test_coarse_samples_of_a_ramp_are_as_good_as_fine_ones() -> None:
     """Interpolation gives it back, but for the rim, where samples reach beyond the patch."""
     fine, coarse = painter(ramp).paint(0.5), painter(ramp).paint(1.0)
-    assert _difference(coarse.colors, fine, 2) < TOLERANCE
-    assert _difference(coarse.colors + 0.1, fine, 2) == pytest.approx(0.1, abs=TOLERANCE)
+    assert mean_difference(coarse.colors, fine, 2) < TOLERANCE
+    assert mean_difference(coarse.colors + 0.1, fine, 2) == pytest.approx(0.1, abs=TOLERANCE)
 
 
 def test_colours_go_on_beyond_what_is_covered() -> None:
