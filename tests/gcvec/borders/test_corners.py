@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gcvec.borders import corners as module
 from gcvec.borders.border import Borders, borders
+from gcvec.borders.chains import Chains
 from gcvec.borders.corners import (
     GAP,
+    LEAST_GAIN,
     LEAST_TURN,
     SIDES,
     SURE_ERROR,
@@ -15,6 +18,7 @@ from gcvec.borders.corners import (
     _cut,
     _lattice_point,
     corner_gains,
+    corners,
 )
 from gcvec.borders.localize import localized
 from gcvec.borders.planar_graph import planar_graph
@@ -149,8 +153,8 @@ def test_between_two_cracks_lies_the_lattice_point_that_they_share(scene: str) -
             np.testing.assert_array_equal(_lattice_point(middles[k], middles[k + 1]), arc.points[k + 1])
 
 
-@pytest.mark.parametrize(("radius", "corners"), [(0.0, 8), (6.0, 0)])
-def test_corners_are_those_that_the_photo_shows(radius: float, corners: int) -> None:
+@pytest.mark.parametrize(("radius", "expected"), [(0.0, 8), (6.0, 0)])
+def test_corners_are_those_that_the_photo_shows(radius: float, expected: int) -> None:
     """A label map shows squares with rounded corners nearly as it does sharp ones. Here are two."""
 
     def owner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -163,4 +167,29 @@ def test_corners_are_those_that_the_photo_shows(radius: float, corners: int) -> 
     for found in localized(traced, squares.picture() / 255.0):
         assert_whole(found)
         inside = ((found.nodes > 0) & (found.nodes < [128, 72])).all(axis=1)
-        assert inside.sum() == corners
+        assert inside.sum() == expected
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_corners_close_together_the_sharpest_counts(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """Of equally sharp ones the first. Each gains what it does at its best scale."""
+    sizes, closed = (40, 9, 60, 5), (False, False, True, True)
+    offsets = np.cumsum([0, *sizes])
+    nodes = np.where(np.array(closed)[:, None], -1, np.arange(8).reshape(4, 2))
+    chains = Chains(np.arange(4), np.array(closed), nodes, offsets)
+    gains = np.random.default_rng(seed).integers(0, 9, (len(SIDES), offsets[-1])) * (LEAST_GAIN / 5)
+    nowhere = np.zeros((offsets[-1], 2))
+    monkeypatch.setattr(module, "corner_gains", lambda *a: (gains[SIDES.index(a[-1])], nowhere, nowhere))
+    expected = []
+    for first, size, round_ in zip(offsets, sizes, closed, strict=False):
+        best = gains[:, first : first + size].max(axis=0)
+        for k in range(size):
+            reach = range(1, SIDES[0] + 1)
+            steps = [d for d in reach if not round_ or 2 * d < size]
+            before = [best[(k - d) % size] for d in steps if round_ or k >= d]
+            after = [best[(k + d) % size] for d in steps if round_ or k + d < size]
+            if best[k] >= max([LEAST_GAIN, *after]) and best[k] > max(before, default=0):
+                expected.append(first + k)
+    found = corners(chains, nowhere, np.ones(len(nowhere)), np.zeros((8, 8, 3)))
+    assert found.tolist() == expected
+    assert len(expected) > 3
