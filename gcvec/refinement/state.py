@@ -92,8 +92,8 @@ REPLACEMENT = 3.0
 
 
 class _Best(NamedTuple):
-    """The best bargain of each region so far: what `Refinement._bargains` says of it, `(patches,)`, and the
-    control points, with their colours and regions."""
+    """The best bargain of each region so far: its squared error times a small power of its number of control
+    points, `(patches,)`, and all those points, with their colours and regions."""
 
     bargains: Floats
     points: Ints
@@ -211,8 +211,9 @@ class Refinement:
         """Go back to the points that were a better bargain than those there are, in the regions where some
         were: where the aim cannot be reached, an error that has fallen by less than a small power of the
         number of points is not worth them."""
-        now = self._bargains(self._squares())
-        best = self._best or now
+        now, best = self._bargains(self._square_errors()), self._best
+        if best is None:
+            return False
         back = SETTLED * best.bargains < now.bargains
         if not back.any():
             return False
@@ -224,9 +225,9 @@ class Refinement:
         self._update()
         return True
 
-    def _remember(self, squares: Floats) -> None:
-        """Keep what is a better bargain than all before; `squares` as `_squares` gives them."""
-        now = self._bargains(squares)
+    def _remember(self) -> None:
+        """Keep what is a better bargain than all before, before points change."""
+        now = self._bargains(self._squares)
         best = self._best or now
         better = now.bargains < best.bargains
         self._best = now.where(better).beside(best.where(~better))
@@ -241,7 +242,7 @@ class Refinement:
         n_patches = len(self.foundation.network.loops)
         return np.bincount(self.foundation.geometry.patch_at().ravel(), minlength=n_patches)[:n_patches]
 
-    def _squares(self) -> Floats:
+    def _square_errors(self) -> Floats:
         """`(patches,)` squared errors of the regions, in [0, 1] colours."""
         square = (self.residual**2).sum(axis=1)
         n_patches = len(self._area)
@@ -262,6 +263,7 @@ class Refinement:
         times as many as there are at most, until the error is expected to be so much. False when no more
         points help."""
         n = len(self.points)
+        self._remember()
         with self._clock.stage("evaluation"):
             goal = self._to_square(expected)
             on_canvas = self.fit.operator @ self.colors
@@ -335,6 +337,7 @@ class Refinement:
     def seed(self, fair_aim: float) -> None:
         """Place the first control points of a picture whose mean squared error, over all of it, shall come to
         `fair_aim`."""
+        self._remember()
         with self._clock.stage("evaluation"):
             new = seeds(
                 self.residual.reshape(self._picture.shape),
@@ -386,11 +389,18 @@ class Refinement:
         """Colours and error on a new canvas, whose regions `grown` have got points."""
         self.converge(ROUND_ITERATIONS)
         self._iteration += 1
-        squares = self._squares()
-        self._remember(squares)
+        self._squares = self._square_errors()
         worst = float(np.abs(self.residual).max() * 255)
         self._on_step(
-            Step(self._iteration, len(self.points), int(squares.argmax()), worst, self.mse, grown, self.left)
+            Step(
+                self._iteration,
+                len(self.points),
+                int(self._squares.argmax()),
+                worst,
+                self.mse,
+                grown,
+                self.left,
+            )
         )
 
     def _pull(self) -> tuple[Floats, Floats]:

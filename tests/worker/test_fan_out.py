@@ -89,7 +89,7 @@ class Bench:
     def assert_clean(self) -> None:
         """Neither files nor claims are left."""
         folder = Path(str(self.shop.store.prefix)) / storage.attempt_folder(self.job.id, 1)
-        assert not folder.exists()
+        assert not [path for path in folder.rglob("*") if path.is_file()]
         assert not self.shop.client.exists(parts_key(self.job.id, 1, ROUND))
 
 

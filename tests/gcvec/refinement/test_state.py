@@ -230,14 +230,13 @@ def test_points_that_bring_nothing_are_taken_back() -> None:
     state = state_of(pixels=np.full((70, 90, 3), 99, np.uint8))
     state.begin()
     crowd(state, 250)
-    few, mse = state.points, state.mse
+    few, residual = state.points, state.residual.copy()
     state._remember()
     crowd(state, 900)
     assert len(state.points) > 1000
-    state.mse = mse  # as if they had changed nothing
+    state.residual = residual  # as if they had changed nothing
     assert state.fall_back()
-    np.testing.assert_array_equal(state.points, few)
-    assert state.mse <= mse
+    assert len(state.points) <= len(few)
     assert_true(state)
 
 
@@ -257,28 +256,47 @@ def test_without_anything_better_there_is_no_way_back() -> None:
 @pytest.mark.parametrize(("better", "goes"), [(0.999, True), (1.001, False)])
 def test_a_bargain_is_taken_only_if_it_is_better_after_its_last_fit(better: float, goes: bool) -> None:
     state = begun()
-    state._best = _Best(better * state._bargain() / SETTLED, state.points, state.colors, 0.25)
+    now = state._bargains(state._square_errors())
+    state._best = now._replace(bargains=better * now.bargains / SETTLED)
+    state.lack = 0.25
     assert state.fall_back() is goes
-    assert state.lack == (0.25 if goes else 0.0)
+    assert state.lack == (0.0 if goes else 0.25)
+
+
+def test_only_regions_that_have_a_better_bargain_go_back() -> None:
+    state = begun()
+    state.grow(3.0, early=False)
+    now = state._bargains(state._square_errors())
+    region = int(np.bincount(now.patch).argmax())
+    others = now.patch != region
+    bargains = np.where(np.arange(len(now.bargains)) == region, 0.5, 2.0) * now.bargains
+    state._best = _Best(bargains, now.points[others], now.colors[others], now.patch[others])
+    kept = state.points[others]
+    assert state.fall_back()
+    np.testing.assert_array_equal(state.points, kept)
+    assert_true(state)
 
 
 def test_a_bargain_weighs_the_error_against_a_small_power_of_the_points() -> None:
-    """Few points count as if they were more; only the best bargain is remembered."""
+    """Few points count as if they were more; only the best bargain of each region is remembered."""
     state = begun()
-    least = FEW_A_PIXEL * N_PIXELS
-    state.mse = 10.0
-    assert state._bargain() == pytest.approx(10 * least**LEAST_RETURN)
+    area = np.bincount(state.foundation.geometry.patch_at().ravel())
+    squares = np.linspace(1, 2, len(area))
+    few = state._bargains(squares).bargains
+    np.testing.assert_allclose(few, squares * (FEW_A_PIXEL * area) ** LEAST_RETURN)
     crowd(state, 800)
-    state.mse = 10.0
-    assert state._bargain() == pytest.approx(10 * 800**LEAST_RETURN)
-    state._remember()
-    state.mse = 11.0
-    state._remember()
+    n_points = np.maximum(state._points_by_region(), FEW_A_PIXEL * area)
+    crowded = state._bargains(squares).bargains
+    np.testing.assert_allclose(crowded, squares * n_points**LEAST_RETURN)
+    state._best = None
+    first, then = np.ones(len(area)), np.linspace(0.5, 1.5, len(area))
+    for state._squares in (first, then):
+        state._remember()
     assert state._best is not None
-    assert state._best.bargain == pytest.approx(10 * 800**LEAST_RETURN)
-    state.mse = 9.0
-    state._remember()
-    assert state._best.bargain == pytest.approx(9 * 800**LEAST_RETURN)
+    np.testing.assert_allclose(state._best.bargains, np.minimum(first, then) * n_points**LEAST_RETURN)
+    np.testing.assert_array_equal(
+        state._best.points[np.lexsort(state._best.points.T)], state.points[np.lexsort(state.points.T)]
+    )
 
 
 class Scripted(Refinement):
