@@ -68,14 +68,14 @@ def merged(
 ) -> NDArray[np.int64]:
     """The group of every region, numbered from 0, after merging across the weakest borders.
 
-    `areas (n,)` are the regions' pixels. Regions under `SLIVER_AREA` merge first. Merging ends when every
-    border left is worth what it costs or, with `regions` > 0, when that many groups are left; the latter goes
-    on past the former and ends short of it. Groups whose `load (n,)` would come to more than `most_load` stay
-    apart.
+    `areas (n,)` are the regions' pixels. Regions under `SLIVER_AREA` merge first, and none is left. Merging
+    ends when every border left is worth what it costs or, with `regions` > 0, when no more than that many
+    groups are left; the latter goes on past the former and ends short of it. Groups whose `load (n,)` would
+    come to more than `most_load` stay apart.
     """
     groups = np.arange(len(areas))
     load = np.zeros(len(areas)) if load is None else load
-    while len(graph) and len(areas) > max(regions, 1):
+    while len(graph):
         first, second = graph.first, graph.second
         smaller, gain = border_gains(first, second, graph.length, graph.energy, graph.step, areas)
         loads = np.stack([load[first], load[second]])
@@ -84,10 +84,12 @@ def merged(
         gain[too_much & (areas[smaller] >= SLIVER_AREA)] = np.inf
         chosen = weakest_of_smaller(first, second, smaller, gain, len(areas))
         most = max(len(areas) // _BATCH, 1)
-        if regions:
+        if not regions:
+            chosen = chosen[gain[chosen] < 0]
+        elif len(areas) > regions:
             most = min(most, len(areas) - regions)
         else:
-            chosen = chosen[gain[chosen] < 0]
+            chosen = chosen[areas[smaller[chosen]] < SLIVER_AREA]
         chosen = _smallest(gain, chosen, most)
         if not len(chosen):
             break

@@ -40,8 +40,9 @@ def segment(
     """Divide `pixels (h, w, 3)` along image edges.
 
     The number of regions follows from the picture, one if it holds no edge of `least_step` levels or more; or
-    it is `regions`, less only if the picture has fewer basins. No region has more than about `most_load` of
-    the `load (h, w)` of its pixels. Borders lie where the colour changes most. Deterministic.
+    it is `regions`, less only if the picture has fewer basins that are no slivers. No region has more than
+    about `most_load` of the `load (h, w)` of its pixels, none under `SLIVER_AREA` pixels. Borders lie where
+    the colour changes most. Deterministic.
     """
     colors = pixels.astype(np.float32)
     scale = max(round(np.sqrt(colors[..., 0].size / _SEED_PIXELS)), 1)

@@ -12,6 +12,7 @@ from gcvec.automatic_regions import automatic_regions
 from gcvec.cli._app import run
 from gcvec.io import DEFAULT_LIMITS, read_annotations, read_picture
 from gcvec.options import Options
+from gcvec.regions.components import SLIVER_AREA
 from gcvec.regions.partition import partition
 from tests.command import gcvec, refused
 
@@ -34,6 +35,17 @@ def test_regions_come_back(photo: Path, tmp_path: Path, ending: str, count: int)
     np.testing.assert_array_equal(read.labels, found.labels)
     assert (read.names, read.warnings) == (found.names, ())
     assert len(found.names) == count or not count
+
+
+def test_no_more_regions_are_written_than_are_read(photo: Path, tmp_path: Path) -> None:
+    """More are asked for than there are that are no slivers, which vectorize would drop."""
+    Image.open(photo).crop((100, 50, 160, 100)).save(tmp_path / "part.png")
+    output = tmp_path / "part.xml"
+    assert run(["regions", str(tmp_path / "part.png"), "-o", str(output), "--regions", "1000"]) == 0
+    drawn = read_annotations(output.read_bytes())
+    read = partition(drawn, 60, 50)
+    assert 20 < len(read.names) == len(drawn.shapes) < 60 * 50 / SLIVER_AREA
+    assert read.warnings == ()
 
 
 @pytest.mark.parametrize(

@@ -76,3 +76,17 @@ def test_groups_with_too_much_to_hold_stay_apart() -> None:
     assert np.bincount(groups, load).max() <= 21
     assert groups.max() + 1 == 2
     assert merged(faint, areas, load=load, most_load=10.0).max() + 1 == 4
+
+
+def test_no_sliver_is_left_however_many_regions_are_wanted() -> None:
+    """Five regions in a row, all of them clear; the second and the third are slivers."""
+    origin, target = np.repeat([0, 1, 2, 3], 9), np.repeat([1, 2, 3, 4], 9)
+    clear = np.repeat([[9.0] * 3, [1.0] * 3, [9.0] * 3, [9.0] * 3], 9, axis=0)
+    graph = adjacency_graph(origin, target, clear)
+    areas = np.array([900, SLIVER_AREA // 2, SLIVER_AREA // 2, 900, 900])
+    for wanted in (4, 5, 9):
+        assert merged(graph, areas, wanted).tolist() == [0, 1, 1, 2, 3]
+    areas[2] -= 1
+    for wanted in (4, 5, 9):
+        assert merged(graph, areas, wanted).max() == 2
+    assert merged(graph, areas, 2).max() == 1

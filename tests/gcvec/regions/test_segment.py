@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gcvec.regions.components import connected_components
+from gcvec.regions.components import SLIVER_AREA, connected_components
 from gcvec.regions.segment import segment
 
 Pixels = NDArray[np.uint8]
@@ -107,6 +107,12 @@ def test_as_many_regions_as_wanted() -> None:
     coffee = skimage.data.coffee()[::2, ::2]
     for count in (1, 2, 7, 100, 500):
         assert regions(coffee, count).max() + 1 == count
+
+
+def test_no_region_is_a_sliver_however_many_are_wanted() -> None:
+    coffee = skimage.data.coffee()[::4, ::4]
+    for count in (0, 100, 2000, 10_000):
+        assert np.bincount(regions(coffee, count).ravel()).min() >= SLIVER_AREA
 
 
 def test_fewer_regions_are_unions_of_more() -> None:
