@@ -17,6 +17,10 @@ _SATURATION = 4.0
 _REGION_COST = 100.0
 """The smaller a region, the stronger its border must be: at this area, px², a border must pay twice."""
 
+_ENDS = 3.0
+"""So many cracks of a border cost nothing. Joining regions that all but touch at a corner, as the squares of
+a chessboard do, saves no border: what lies beside their bridge stays."""
+
 _BATCH = 20
 """Of this many regions one is merged before the borders are weighed again."""
 
@@ -105,7 +109,7 @@ def merged(
 @kernel
 def border_gains(first, second, length, energy, step, areas):
     """The smaller region at each border, of equal ones the first, and what the border saves less what it
-    costs, per pixel of its length.
+    costs, per crack of its length, but for the first few.
 
     A step of one sign along the whole border counts in full; one whose sign changes, as between the grains of
     a texture, counts half.
@@ -117,7 +121,7 @@ def border_gains(first, second, length, energy, step, areas):
         square = 0.0
         for c in range(3):
             square += (step[k, c] / length[k]) ** 2 / 3
-        gain[k] = (energy[k] / length[k] + square) / 2 - 1 - _REGION_COST / area
+        gain[k] = (energy[k] / length[k] + square) / 2 - 1 + _ENDS / length[k] - _REGION_COST / area
         if area < SLIVER_AREA:
             gain[k] -= _SLIVERS_FIRST
     return smaller, gain

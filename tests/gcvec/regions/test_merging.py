@@ -45,7 +45,8 @@ def test_gains_as_read_out_loud() -> None:
         mean = graph.step[k] / graph.length[k]
         worth = (graph.energy[k] / graph.length[k] + (mean**2).mean()) / 2
         small = areas[smaller[k]]
-        assert gain[k] == pytest.approx(worth - 1 - 100 / small - 1000 * (small < SLIVER_AREA))
+        cost = 1 - 3 / graph.length[k] + 100 / small
+        assert gain[k] == pytest.approx(worth - cost - 1000 * (small < SLIVER_AREA))
     chosen = weakest_of_smaller(graph.first, graph.second, smaller, gain, 8)
     assert len(np.unique(smaller[chosen])) == len(chosen)
     for region in range(8):
@@ -76,6 +77,19 @@ def test_groups_with_too_much_to_hold_stay_apart() -> None:
     assert np.bincount(groups, load).max() <= 21
     assert groups.max() + 1 == 2
     assert merged(faint, areas, load=load, most_load=10.0).max() + 1 == 4
+
+
+def test_a_bridge_of_a_crack_or_two_joins_nothing() -> None:
+    """Two regions of one colour: they stay apart where they meet at a corner, unless one of them is small."""
+    origin, target = np.zeros(30, np.int64), np.ones(30, np.int64)
+    same = np.full((30, 3), 0.01)
+    for cracks, areas, groups in (
+        (2, [900, 900], [0, 1]),
+        (2, [900, 90], [0, 0]),
+        (8, [900, 900], [0, 0]),
+    ):
+        graph = adjacency_graph(origin[:cracks], target[:cracks], same[:cracks])
+        assert merged(graph, np.array(areas)).tolist() == groups
 
 
 def test_no_sliver_is_left_however_many_regions_are_wanted() -> None:

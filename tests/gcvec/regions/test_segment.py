@@ -75,6 +75,16 @@ def test_blur_and_noise_do_not_move_borders() -> None:
     assert both.shape[1] == truth.max() + 1
 
 
+@pytest.mark.parametrize("square", [16, 24, 32])
+def test_every_square_of_a_chessboard_is_a_region(square: int) -> None:
+    """Basins between four squares, a few pixels large, join none of them across the corner."""
+    y, x = np.mgrid[: 8 * square, : 8 * square] // square
+    dark = (x + y) % 2 == 0
+    truth = connected_components(dark.astype(np.int32))
+    assert truth.max() + 1 == 64
+    assert_same_up_to_a_pixel(regions(pixels_of(np.where(dark, 40.0, 230.0)[..., None] + np.zeros(3))), truth)
+
+
 def test_shaded_balls_are_one_region_each() -> None:
     y, x = np.mgrid[:200, :300]
     picture = np.stack([60 + x / 10, 70 + y / 10, np.full(x.shape, 90.0)], axis=-1)
