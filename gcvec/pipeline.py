@@ -17,6 +17,7 @@ from gcvec.borders.localize import LARGEST_SHIFT, localized
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.colors.boundary_color import color_samples, fit_boundary_colors, hard_edges
 from gcvec.curves.network_fit import fitted_network
+from gcvec.errors import InputError
 from gcvec.metrics import Report, compare
 from gcvec.options import Options
 from gcvec.parallel import workers
@@ -35,6 +36,9 @@ from gcvec.vector_image import VectorImage
 
 FULL = 0.95
 """A region with this share of the points it may have is taken as full: a few find no place."""
+
+FEWER = 2 / 3
+"""A picture whose automatic regions do not fit into a file is divided anew, into this share of them."""
 
 ROUNDING = 4 / 15
 """The paper's refinement looks at colours as they are before they are rounded to the file's steps. That adds
@@ -77,16 +81,18 @@ def _vectorized(
     tell.stage("regions", 0.01)
     with clock.stage("regions"):
         regions = _regions(pixels, annotations, options)
-    tell.regions = len(regions.names)
-    scene = _scene(pixels, regions, _reach(annotations, options), clock, tell)
-
-    def run(target_mse: float) -> _Outcome:
-        return _refined(scene, replace(options, target_mse=target_mse), crew, clock, tell)
-
-    if options.target_bytes:
-        found = refine_to_bytes(run, options.target_bytes)
-    else:
-        found = run(options.target_mse)
+    may_be_fewer = annotations is None and not options.regions and options.target_bytes > 0
+    while True:
+        try:
+            found = _drawn(pixels, regions, _reach(annotations, options), options, crew, clock, tell)
+            break
+        except InputError:
+            # Before a picture is divided, what its borders will take is but an estimate.
+            fewer = int(len(regions.names) * FEWER)
+            if not may_be_fewer or not fewer:
+                raise
+        with clock.stage("regions"):
+            regions = automatic_regions(pixels, replace(options, regions=fewer))
     with clock.stage("evaluation"):
         report = compare(pixels, found.image, len(found.data))
     report = replace(
@@ -99,6 +105,30 @@ def _vectorized(
     warnings = (*regions.warnings, *_shortfall(report, options))
     image = replace(found.image, warnings=warnings, report=report)
     return image.knowing(found.image.canvas, found.data, found.image.picture)
+
+
+def _drawn(
+    pixels: NDArray[np.uint8],
+    regions: Partition,
+    reach: float,
+    options: Options,
+    crew: Crew | None,
+    clock: StageClock,
+    tell: Teller,
+) -> _Outcome:
+    """The picture of these regions that the options ask for.
+
+    Raises `InputError` where there is none that fits into the bytes wanted.
+    """
+    tell.regions = len(regions.names)
+    scene = _scene(pixels, regions, reach, clock, tell)
+
+    def run(target_mse: float) -> _Outcome:
+        return _refined(scene, replace(options, target_mse=target_mse), crew, clock, tell)
+
+    if options.target_bytes:
+        return refine_to_bytes(run, options.target_bytes)
+    return run(options.target_mse)
 
 
 def _regions(pixels: NDArray[np.uint8], annotations: Annotations | None, options: Options) -> Partition:

@@ -69,13 +69,15 @@ def merged(
     regions: int = 0,
     load: NDArray[np.float64] | None = None,
     most_load: float = np.inf,
+    most_border: float = np.inf,
 ) -> NDArray[np.int64]:
     """The group of every region, numbered from 0, after merging across the weakest borders.
 
     `areas (n,)` are the regions' pixels. Regions under `SLIVER_AREA` merge first, and none is left. Merging
     ends when every border left is worth what it costs or, with `regions` > 0, when no more than that many
-    groups are left; the latter goes on past the former and ends short of it. Groups whose `load (n,)` would
-    come to more than `most_load` stay apart.
+    groups are left; the latter goes on past the former and ends short of it. The former goes on, too, while
+    there are more than `most_border` cracks of border. Groups whose `load (n,)` would come to more than
+    `most_load` stay apart.
     """
     groups = np.arange(len(areas))
     load = np.zeros(len(areas)) if load is None else load
@@ -89,7 +91,8 @@ def merged(
         chosen = weakest_of_smaller(first, second, smaller, gain, len(areas))
         most = max(len(areas) // _BATCH, 1)
         if not regions:
-            chosen = chosen[gain[chosen] < 0]
+            worthless = 0.0 if graph.length.sum() <= most_border else np.inf
+            chosen = chosen[gain[chosen] < worthless]
         elif len(areas) > regions:
             most = min(most, len(areas) - regions)
         else:

@@ -36,10 +36,12 @@ def segment(
     least_step: float = FAINT_STEP,
     load: NDArray[np.floating] | None = None,
     most_load: float = np.inf,
+    most_border: float = np.inf,
 ) -> Partition:
     """Divide `pixels (h, w, 3)` along image edges.
 
     The number of regions follows from the picture, one if it holds no edge of `least_step` levels or more; or
+    it is fewer, so that there are no more than `most_border` cracks between pixels of different regions; or
     it is `regions`, less only if the picture has fewer basins that are no slivers. No region has more than
     about `most_load` of the `load (h, w)` of its pixels, none under `SLIVER_AREA` pixels. Borders lie where
     the colour changes most. Deterministic.
@@ -50,7 +52,8 @@ def segment(
     steepness = _steepness(colors, scale)
     graph = _graph(basins, colors, steepness, scale, least_step)
     loads = None if load is None else np.bincount(basins.ravel(), load.ravel()).astype(np.float64)
-    groups = merged(graph, np.bincount(basins.ravel()), regions, loads, most_load)
+    areas = np.bincount(basins.ravel())
+    groups = merged(graph, areas, regions, loads, most_load, most_border)
     labels = connected_components(groups.astype(np.int32)[basins])
     return Partition(labels, (REGION,) * (int(labels.max()) + 1))
 

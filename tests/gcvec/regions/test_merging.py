@@ -104,3 +104,12 @@ def test_no_sliver_is_left_however_many_regions_are_wanted() -> None:
     for wanted in (4, 5, 9):
         assert merged(graph, areas, wanted).max() == 2
     assert merged(graph, areas, 2).max() == 1
+
+
+def test_no_more_border_is_left_than_wanted() -> None:
+    """Four regions in a row: the weakest borders go, though each pays, until the rest is short enough."""
+    origin, target = np.repeat([0, 1, 2], 30), np.repeat([1, 2, 3], 30)
+    clear = np.repeat([[1.9] * 3, [1.7] * 3, [1.8] * 3], 30, axis=0)
+    graph = adjacency_graph(origin, target, clear)
+    for most, groups in ((90, [0, 1, 2, 3]), (89, [0, 1, 1, 2]), (59, [0, 1, 1, 1]), (0, [0, 0, 0, 0])):
+        assert merged(graph, np.array([900] * 4), most_border=most).tolist() == groups
