@@ -79,7 +79,7 @@ _VECTORIZATION = (
         type=float,
         default=Options.snap,
         metavar="PX",
-        help="How far annotated borders may move onto edges; 0: kept as drawn.",
+        help="How far annotated borders may move onto edges; 0: only made smooth.",
     ),
     click.option(
         "--effort",

@@ -46,7 +46,7 @@ class JobOptions(BaseModel):
     workers: Count = Field(Options.workers, description="threads; 0: as many as the server grants")
     regions: Count = Field(Options.regions, description="automatic regions wanted; 0: the picture decides")
     snap: float = Field(
-        Options.snap, description="pixels that annotated borders may move onto edges; 0: kept as drawn"
+        Options.snap, description="pixels that annotated borders may move onto edges; 0: only made smooth"
     )
     effort: Count = Field(Options.effort, description="1 to 9: time to spend on fewer control points")
     target_bytes: Count = Field(
