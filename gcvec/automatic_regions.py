@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gcvec.options import Options
 from gcvec.refinement.seeding import expected_points
+from gcvec.refinement.to_bytes import POINTS_A_BYTE, USUAL_MSE
 from gcvec.regions.partition import Partition
 from gcvec.regions.segment import CLEAR_STEP, segment
 
@@ -23,12 +24,6 @@ its regions."""
 
 BYTES_A_CRACK = 0.27
 """What the side of a pixel along a border takes in the file of a flat picture."""
-
-POINTS_A_BYTE = 0.5
-"""So many control points a byte that borders leave; and a picture needs a byte for so many."""
-
-USUAL_MSE = 5.0
-"""Control points are expected for this error where bytes are given, and then as many of them as fit."""
 
 STEP_POWER = 0.4
 """The step that is worth a border grows with this power of how many times the bytes given a picture needs:

@@ -28,7 +28,8 @@ from gcvec.progress import BEFORE_RUNS, OnProgress, Teller
 from gcvec.quantization import Quantization
 from gcvec.refinement.batch import exchanges, refine_batch
 from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.to_bytes import CLOSE, refine_to_bytes
+from gcvec.refinement.seeding import expected_points
+from gcvec.refinement.to_bytes import CLOSE, USUAL_MSE, likely_mse, refine_to_bytes
 from gcvec.regions.partition import Partition, partition
 from gcvec.regions.snap import snap_borders
 from gcvec.timing import StageClock
@@ -126,9 +127,11 @@ def _drawn(
     def run(target_mse: float) -> _Outcome:
         return _refined(scene, replace(options, target_mse=target_mse), crew, clock, tell)
 
-    if options.target_bytes:
-        return refine_to_bytes(run, options.target_bytes)
-    return run(options.target_mse)
+    if not options.target_bytes:
+        return run(options.target_mse)
+    need = expected_points(np.divide(pixels, np.float32(255)), USUAL_MSE)
+    first_mse = likely_mse(float(need.sum()), options.target_bytes)
+    return refine_to_bytes(run, options.target_bytes, first_mse)
 
 
 def _regions(pixels: NDArray[np.uint8], annotations: Annotations | None, options: Options) -> Partition:

@@ -1,19 +1,24 @@
 """The best picture that fits into so many bytes: a search for the error to aim at.
 
-Bytes fall with a power of the error that is nearly the same from run to run, so the secant method on the
-logarithms of both needs few runs.
+Bytes fall with a power of the error that changes but slowly, so the search goes along a line in the
+logarithms of both: beyond what has been tried, then between the closest file that is too large and the
+closest that fits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from gcvec.errors import InputError
 
-FIRST_MSE = 10.0
+USUAL_MSE = 5.0
+POINTS_A_BYTE = 0.5
+"""What a picture takes is guessed from the control points that it is expected to need for this error: a byte
+for so many. On photos the error that comes of it is within a factor of three of the one that fits."""
+
 USUAL_POWER = -0.8
 POWERS = -2.0, -0.3
 """Bytes go with this power of the error until two runs tell better, and never with one beyond these."""
@@ -22,11 +27,11 @@ CLOSE = 0.97
 """A file of at least this share of the bytes allowed is good enough."""
 
 AIM = 0.985
+"""The share of the bytes allowed that is aimed at: what misses it by little is still good enough."""
 
 MSE_RANGE = 0.2, 20_000.0
 
 MOST_RUNS = 7
-
 
 BETTER = 0.995
 """A larger file whose error is above this share of the last one's is no better: more bytes buy nothing."""
@@ -42,37 +47,42 @@ class Sized(Protocol):
     def mse(self) -> float: ...
 
 
+class _Run(NamedTuple):
+    """The error that was aimed at, and the bytes of the file that came of it."""
+
+    mse: float
+    size: int
+
+
 Result = TypeVar("Result", bound=Sized)
 
 
-def refine_to_bytes(refine: Callable[[float], Result], target_bytes: int) -> Result:
+def likely_mse(expected_points: float, target_bytes: int) -> float:
+    """The error to try first, for a picture of which so many control points are expected at `USUAL_MSE`."""
+    usual_bytes = max(expected_points, 1.0) / POINTS_A_BYTE
+    return _in_range(USUAL_MSE * (target_bytes / usual_bytes) ** (1 / USUAL_POWER))
+
+
+def refine_to_bytes(refine: Callable[[float], Result], target_bytes: int, first_mse: float) -> Result:
     """The best file of at most `target_bytes` among those that `refine` makes for some targets of the mean
-    squared error.
+    squared error, `first_mse` being the first.
 
     Raises `InputError` where even the coarsest picture takes more.
     """
     best: Result | None = None
-    mse, power = FIRST_MSE, USUAL_POWER
-    before: tuple[float, int] | None = None
-    tried: set[float] = set()
-    for _ in range(MOST_RUNS):
+    mse, runs = _in_range(first_mse), list[_Run]()
+    while len(runs) < MOST_RUNS and mse not in [run.mse for run in runs]:
         found = refine(mse)
-        tried.add(mse)
         size = len(found.data)
+        runs.append(_Run(mse, size))
         if size <= target_bytes:
             no_better = best is not None and size > len(best.data) and found.mse > BETTER * best.mse
             best = found if best is None or found.mse < best.mse else best
             if no_better or size >= CLOSE * target_bytes:
                 break
-        if before is not None and before[1] != size and before[0] != mse:
-            power = np.log(size / before[1]) / np.log(mse / before[0])
-        before = mse, size
-        power = float(np.clip(power, *POWERS))
-        mse = float(np.clip(mse * (AIM * target_bytes / size) ** (1 / power), *MSE_RANGE))
-        if mse in tried:
-            break
+        mse = _in_range(_next(runs, target_bytes))
     coarsest = MSE_RANGE[1]
-    if best is None and coarsest not in tried:
+    if best is None and coarsest not in [run.mse for run in runs]:
         found = refine(coarsest)
         size = len(found.data)
         best = found if size <= target_bytes else None
@@ -83,3 +93,30 @@ def refine_to_bytes(refine: Callable[[float], Result], target_bytes: int) -> Res
             pointer="target_bytes",
         )
     return best
+
+
+def _in_range(mse: float) -> float:
+    return float(np.clip(mse, *MSE_RANGE))
+
+
+def _next(runs: list[_Run], target_bytes: int) -> float:
+    """The error to try after these runs."""
+    aim = AIM * target_bytes
+    too_large = [run for run in runs if run.size > target_bytes]
+    fitting = [run for run in runs if run.size <= target_bytes]
+    if not too_large or not fitting:
+        return _beyond(runs, aim)
+    above, below = min(too_large, key=lambda run: run.size), max(fitting, key=lambda run: run.size)
+    share = 0.5  # where one end stays for long, or sizes do not fall as they should
+    on_one_side = len({run.size > target_bytes for run in runs[-3:]}) == 1
+    if not on_one_side and above.mse < below.mse:
+        share = np.log(above.size / aim) / np.log(above.size / below.size)
+    return float(above.mse ** (1 - share) * below.mse**share)
+
+
+def _beyond(runs: list[_Run], aim: float) -> float:
+    """The error further on than those tried, at which the bytes would be those aimed at."""
+    last, power = runs[-1], USUAL_POWER
+    if len(runs) > 1 and runs[-2].size != last.size:
+        power = np.log(last.size / runs[-2].size) / np.log(last.mse / runs[-2].mse)
+    return float(last.mse * (aim / last.size) ** (1 / np.clip(power, *POWERS)))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from skimage import data
 
 from gcvec import InputError, Options, Progress, vectorize
 from gcvec.progress import EXCHANGED
-from gcvec.refinement.to_bytes import CLOSE, MOST_RUNS, MSE_RANGE, refine_to_bytes
+from gcvec.refinement.to_bytes import CLOSE, MOST_RUNS, MSE_RANGE, likely_mse, refine_to_bytes
 
 
 class File(NamedTuple):
@@ -31,17 +32,40 @@ class Refinement:
 
 @pytest.mark.parametrize("target", [3_000, 20_000, 50_000, 150_000])
 @pytest.mark.parametrize(("power", "regions"), [(-0.5, 0), (-0.8, 0), (-0.8, 900), (-1.1, 500)])
-def test_the_file_is_as_large_as_it_may_be(power: float, regions: int, target: int) -> None:
+@pytest.mark.parametrize("first_mse", [2.0, 10.0, 100.0])
+def test_the_file_is_as_large_as_it_may_be(power: float, regions: int, target: int, first_mse: float) -> None:
     refinement = Refinement(power, regions)
-    data, mse = refine_to_bytes(refinement, target)
+    data, mse = refine_to_bytes(refinement, target, first_mse)
     assert CLOSE * target <= len(data) <= target
     assert mse == refinement.runs[-1]
     assert len(refinement.runs) <= MOST_RUNS
 
 
+def test_a_size_that_falls_in_leaps_is_closed_in_on() -> None:
+    """As where borders take most of a file: far from a power of the error, and in uneven steps."""
+
+    def refine(mse: float) -> File:
+        runs.append(mse)
+        step = 1.03 ** (int(97 * np.log(mse)) % 2)
+        return File(bytes(int(step * (600 + 40_000 * mse**-1.5 + 4_000 * mse**-0.2))), mse)
+
+    for target in (2_000, 2_500, 4_000, 12_000):
+        for first_mse in (1.0, 10.0, 500.0):
+            runs: list[float] = []
+            data, _ = refine_to_bytes(refine, target, first_mse)
+            assert 0.93 * target <= len(data) <= target
+            assert len(runs) <= MOST_RUNS
+
+
+def test_the_first_error_is_the_usual_one_where_the_points_of_that_just_fit() -> None:
+    assert likely_mse(5_000, 10_000) == pytest.approx(5)
+    assert likely_mse(5_000, 1_000) > 50 > 5 > likely_mse(5_000, 20_000)
+    assert likely_mse(0, 2) == likely_mse(1, 2) == pytest.approx(5)
+
+
 def test_a_size_below_that_of_the_regions_is_refused() -> None:
     with pytest.raises(InputError, match="coarsest version takes 9") as refusal:
-        refine_to_bytes(Refinement(-0.8, 900), 500)
+        refine_to_bytes(Refinement(-0.8, 900), 500, 10.0)
     assert refusal.value.pointer == "target_bytes"
 
 
@@ -53,7 +77,7 @@ def test_the_coarsest_version_is_tried_before_giving_up() -> None:
         runs.append(mse)
         return File(bytes(400 if mse >= MSE_RANGE[1] else 5_000 + int(100 / mse)), mse)
 
-    data, mse = refine_to_bytes(refine, 4_999)
+    data, mse = refine_to_bytes(refine, 4_999, 10.0)
     assert (len(data), mse) == (400, MSE_RANGE[1])
     assert len(runs) <= MOST_RUNS + 1
 
@@ -66,7 +90,7 @@ def test_larger_files_that_are_no_better_are_not_gone_for() -> None:
         runs.append(mse)
         return File(bytes(int(90_000 * mse**-0.8)), max(mse, 12.0 + mse / 1000))
 
-    found = refine_to_bytes(refine, 80_000)
+    found = refine_to_bytes(refine, 80_000, 10.0)
     assert found.mse == pytest.approx(12, rel=0.01)
     assert len(runs) <= 3
 
@@ -74,7 +98,7 @@ def test_larger_files_that_are_no_better_are_not_gone_for() -> None:
 def test_the_best_file_that_fits_is_taken_not_the_largest() -> None:
     errors = iter([20.0, 30.0, 30.0, 30.0, 30.0, 30.0, 30.0])
     sizes = iter([9_000, 9_500, 9_600, 9_600, 9_600, 9_600, 9_600])
-    found = refine_to_bytes(lambda mse: File(bytes(next(sizes)), next(errors)), 10_000)
+    found = refine_to_bytes(lambda mse: File(bytes(next(sizes)), next(errors)), 10_000, 10.0)
     assert found.mse == 20
 
 
