@@ -93,8 +93,8 @@ def test_a_region_at_its_bound_does_not_spend_the_others_points() -> None:
     image = vectorize(pixels, made.annotations(), Options(max_points=200))
     assert image.report is not None
     textured, _, smooth = (region.points for region in image.report.regions)
-    assert textured == 200
-    assert smooth < 100
+    assert 0 < textured <= 200
+    assert smooth < 50
 
 
 def test_noise_without_a_bound_ends() -> None:
