@@ -19,6 +19,7 @@ from worker.webhooks import (
     message,
     post,
     signed_headers,
+    token_key,
     tries_key,
 )
 from worker.workshop import Workshop, workshop
@@ -73,4 +74,4 @@ def _call(shop: Workshop, job: Job, status: str) -> bool:
 
 def _settle(shop: Workshop, entry: str) -> None:
     shop.client.zrem(DELIVERIES, entry)
-    shop.client.delete(tries_key(entry))
+    shop.client.delete(tries_key(entry), token_key(entry))

@@ -5,6 +5,7 @@ nothing is forgotten; it may be told twice, under the same id.
 
     gcvec:deliveries      "ID STATUS" by the time at which it is to be told
     gcvec:told:ID STATUS  how often that was tried
+    gcvec:try:ID STATUS   a token of who has begun to try it last
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import hashlib
 import hmac
 import json
 import socket
+import uuid
 from datetime import UTC, datetime
 from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
 from typing import Any, Final
@@ -53,8 +55,10 @@ _SCHEMES: Final = {"https": 443, "http": 80}
 
 _BEGIN_TRY = """
 if not redis.call('ZSCORE', KEYS[1], ARGV[1]) then return 0 end
+if redis.call('GET', KEYS[3]) == ARGV[4] then return 1 end
 if (redis.call('GET', KEYS[2]) or '0') ~= ARGV[2] then return 0 end
 redis.call('SET', KEYS[2], ARGV[2] + 1, 'EX', ARGV[3])
+redis.call('SET', KEYS[3], ARGV[4], 'EX', ARGV[3])
 return 1
 """
 
@@ -67,12 +71,18 @@ def tries_key(entry: str) -> str:
     return f"gcvec:told:{entry}"
 
 
+def token_key(entry: str) -> str:
+    return f"gcvec:try:{entry}"
+
+
 def begin_try(entry: str, tries: int) -> Call:
     """Count a try that follows on so many others; returns 0 if it has been made, or the entry is settled.
 
-    While messages wait the same may be sent more than once: whichever is taken first makes the try.
+    While messages wait the same may be sent more than once: whichever is taken first makes the try, and a
+    token says that it does where the answer is lost.
     """
-    return Call(_BEGIN_TRY, (DELIVERIES, tries_key(entry)), (entry, tries, _TRIES_KEPT_SECONDS))
+    keys = (DELIVERIES, tries_key(entry), token_key(entry))
+    return Call(_BEGIN_TRY, keys, (entry, tries, _TRIES_KEPT_SECONDS, uuid.uuid4().hex))
 
 
 def event_name(status: str) -> str:

@@ -15,7 +15,7 @@ from worker.job import Job
 from worker.records import JobRecords
 from worker.settings import Settings
 from worker.steps import record_key
-from worker.webhooks import DELIVERIES
+from worker.webhooks import DELIVERIES, begin_try
 from worker.workshop import Workshop
 
 
@@ -53,6 +53,14 @@ def test_a_message_that_was_sent_twice_is_told_once(shop: Workshop, receiver: Re
         delivery.deliver(entry, 0)
     assert len(receiver.calls) == 1
     assert shop.client.zcard(DELIVERIES) == 0
+
+
+def test_a_try_whose_answer_was_lost_is_made(shop: Workshop, entry: str) -> None:
+    call = begin_try(entry, 0)
+    assert shop.records.run(call) == shop.records.run(call) == 1
+    assert shop.records.run(begin_try(entry, 0)) == 0
+    assert shop.records.run(begin_try(entry, 1)) == 1
+    assert shop.records.run(call) == 0
 
 
 def test_messages_that_piled_up_use_up_one_try(shop: Workshop, receiver: Receiver, entry: str) -> None:
