@@ -132,7 +132,9 @@ return 1
 # jobs can end, be cancelled and be forgotten there.
 _FINISH = """
 local status = redis.call('HGET', KEYS[1], 'status')
-if status ~= 'queued' and status ~= 'running' then return 0 end
+if status ~= 'queued' and status ~= 'running' then
+    return redis.call('HGET', KEYS[1], ARGV[6]) == ARGV[7] and 1 or 0
+end
 if ARGV[2] ~= '' and redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[2] then return 0 end
 local owner = redis.call('HGET', KEYS[1], 'owner')
 local before = redis.call('HGET', KEYS[1], 'bytes')
@@ -255,10 +257,11 @@ def finish(
 ) -> Call:
     """Give the job its terminal state; returns 0 if it has one, or if `attempt` is no longer the job's.
 
-    `totals` are added to the counts since the beginning, once a job.
+    `totals` are added to the counts since the beginning, once a job. A token says who ended it where the
+    answer is lost.
     """
     now = time.time()
-    extra: list[str] = ["warnings", json.dumps(list(warnings))]
+    extra: list[str] = ["ending", uuid.uuid4().hex, "warnings", json.dumps(list(warnings))]
     if error is not None:
         extra += ["error", json.dumps(error.as_dict()), f"total:failed:{error.code}", "1"]
     if bytes_stored is not None:

@@ -16,6 +16,7 @@ from worker.steps import (
     ACTIVE,
     EXPIRY,
     STORED,
+    TOTALS,
     claim,
     create,
     events_key,
@@ -198,3 +199,18 @@ def test_a_claim_whose_answer_was_lost_is_the_same(records: JobRecords, job: Job
     step = claim(job.id)
     assert [records.run(step) for _ in range(2)] == [1, 1]
     assert records.run(claim(job.id)) == 0
+
+
+def test_an_end_whose_answer_was_lost_is_the_same(records: JobRecords, client: redis.Redis, job: Job) -> None:
+    step = finish(job.id, "succeeded", retention=60, totals={"points": 3})
+    assert records.run(step) == 1
+    after = client.hgetall(record_key(job.id)), client.hgetall(TOTALS), client.xlen(events_key(job.id))
+    assert records.run(step) == 1
+    assert records.run(finish(job.id, "succeeded", retention=60)) == 0
+    assert after == (
+        client.hgetall(record_key(job.id)),
+        client.hgetall(TOTALS),
+        client.xlen(events_key(job.id)),
+    )
+    records.run(retire(job.id))
+    assert records.run(step) == 0
