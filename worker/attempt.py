@@ -51,6 +51,7 @@ class Attempt(Keeper):
             logger, f"job {job_id}: progress waits", f"job {job_id}: progress waits no longer"
         )
         self._events: deque[Mapping[str, Any]] = deque(maxlen=EVENTS_KEPT)
+        self._n_events = 0  # those that have been sent too
         self._changing_events = threading.Lock()
 
     def __exit__(
@@ -63,6 +64,7 @@ class Attempt(Keeper):
         """Queue an event. Raises StopError if the run must end."""
         with self._changing_events:
             self._events.append(asdict(progress))
+            self._n_events += 1
         self.check()
 
     def _keep(self) -> None:
@@ -81,7 +83,8 @@ class Attempt(Keeper):
     def _send(self) -> None:
         with self._changing_events:
             batch, self._events = self._events, deque(maxlen=EVENTS_KEPT)
-        if self._tell(report(self._job_id, self._number, batch)):
+            first = self._n_events - len(batch) + 1
+        if self._tell(report(self._job_id, self._number, batch, first)):
             return
         with self._changing_events:
             batch.extend(self._events)  # the oldest make room where there are too many

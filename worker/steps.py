@@ -104,7 +104,7 @@ if redis.call('EXISTS', KEYS[2]) == 1 then
 end
 local attempt = redis.call('HINCRBY', KEYS[1], 'attempt', 1)
 redis.call('HSETNX', KEYS[1], 'started_at', ARGV[2])
-redis.call('HSET', KEYS[1], 'status', 'running', 'claim', ARGV[4])
+redis.call('HSET', KEYS[1], 'status', 'running', 'claim', ARGV[4], 'reported', 0)
 redis.call('HINCRBY', 'gcvec:totals', 'attempts', 1)
 if attempt == 1 and redis.call('HEXISTS', KEYS[1], 'webhook') == 1 then
     redis.call('ZADD', 'gcvec:deliveries', ARGV[2], ARGV[1] .. ' running')
@@ -118,12 +118,14 @@ _REPORT = """
 if redis.call('HGET', KEYS[1], 'status') ~= 'running' then return 0 end
 if redis.call('HGET', KEYS[1], 'attempt') ~= ARGV[2] then return 0 end
 redis.call('SET', KEYS[2], ARGV[2], 'PX', ARGV[3])
-if #ARGV < 5 then return 1 end
-for i = 5, #ARGV do
+local before = ARGV[5] - 1
+local fresh = 6 + math.max(0, (redis.call('HGET', KEYS[1], 'reported') or 0) - before)
+if fresh > #ARGV then return 1 end
+for i = fresh, #ARGV do
     local number = redis.call('HINCRBY', KEYS[1], 'last_event', 1)
     redis.call('XADD', KEYS[3], 'MAXLEN', '~', ARGV[4], number .. '-0', 'type', 'progress', 'data', ARGV[i])
 end
-redis.call('HSET', KEYS[1], 'progress', ARGV[#ARGV])
+redis.call('HSET', KEYS[1], 'progress', ARGV[#ARGV], 'reported', before + #ARGV - 5)
 redis.call('PUBLISH', 'gcvec:changes', 'progress ' .. ARGV[1])
 return 1
 """
@@ -237,11 +239,15 @@ def claim(job_id: str) -> Call:
     return Call(_CLAIM, _keys(job_id), (job_id, time.time(), lease, uuid.uuid4().hex))
 
 
-def report(job_id: str, attempt: int, events: Iterable[Mapping[str, Any]]) -> Call:
-    """Renew the lease and append progress events; returns 0 if the attempt is no longer the job's."""
+def report(job_id: str, attempt: int, events: Iterable[Mapping[str, Any]], first: int) -> Call:
+    """Renew the lease and append progress events; returns 0 if the attempt is no longer the job's.
+
+    `first` is the number of the first of them among the attempt's, from 1: those that a report whose answer
+    was lost has appended are passed over.
+    """
     texts = (json.dumps(event) for event in events)
     lease = int(LEASE_SECONDS * 1000)
-    return Call(_REPORT, _keys(job_id), (job_id, attempt, lease, EVENTS_KEPT, *texts))
+    return Call(_REPORT, _keys(job_id), (job_id, attempt, lease, EVENTS_KEPT, first, *texts))
 
 
 def finish(

@@ -29,7 +29,7 @@ def begun(jobs: Jobs, *errors: float | None) -> str:
     assert jobs.records.run(claim(job_id)) == 1
     steps = [iteration(number, mse) for number, mse in enumerate(errors, 1)]
     for start in range(0, len(steps), 500):
-        assert jobs.records.run(report(job_id, 1, steps[start : start + 500]))
+        assert jobs.records.run(report(job_id, 1, steps[start : start + 500], start + 1))
     return job_id
 
 
@@ -69,9 +69,9 @@ def test_only_a_new_phase_is_read_out(browser: Browser, api: httpx.Client, jobs:
             }
         """)
         for number in (2, 3):
-            assert jobs.records.run(report(job_id, 1, [iteration(number, 100 / number)]))
+            assert jobs.records.run(report(job_id, 1, [iteration(number, 100 / number)], number))
             page.wait_for(f"document.getElementById('iteration').textContent === '{number}'")
-        assert jobs.records.run(report(job_id, 1, [{**iteration(3, None), "phase": "encode"}]))
+        assert jobs.records.run(report(job_id, 1, [{**iteration(3, None), "phase": "encode"}], 4))
         page.wait_for("told.length")
         assert page.evaluate("told") == ["Writing the file"]
 
@@ -126,7 +126,7 @@ def test_hidden_tabs_hold_no_connection(browser: Browser, api: httpx.Client, job
             page.wait_for("document.getElementById('iteration').textContent === '1'", 10)
             turn(page, hidden=True)
         first, second, *_ = pages
-        assert jobs.records.run(report(job_id, 1, [{**iteration(2, 50), "fraction": 0.75}]))
+        assert jobs.records.run(report(job_id, 1, [{**iteration(2, 50), "fraction": 0.75}], 2))
         second.wait_for("document.title.startsWith('75%')", 10)
         turn(first, hidden=False)
         first.wait_for("document.getElementById('errors').getAttribute('d')?.includes('L')", 10)

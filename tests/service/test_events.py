@@ -55,7 +55,7 @@ def test_a_snapshot_then_every_iteration_then_the_end(api: httpx.Client, jobs: J
         time.sleep(0.3)
         jobs.records.run(claim(job_id))
         for number in range(1, 6):
-            jobs.records.run(report(job_id, 1, [iteration(number)]))
+            jobs.records.run(report(job_id, 1, [iteration(number)], number))
             time.sleep(0.05)
         jobs.records.run(finish(job_id, "succeeded", retention=60))
 
@@ -75,7 +75,7 @@ def test_a_snapshot_then_every_iteration_then_the_end(api: httpx.Client, jobs: J
 def test_a_listener_that_comes_back_gets_what_it_missed(api: httpx.Client, jobs: Jobs) -> None:
     job_id = jobs.submit()
     jobs.records.run(claim(job_id))
-    jobs.records.run(report(job_id, 1, [iteration(number) for number in range(1, 6)]))
+    jobs.records.run(report(job_id, 1, [iteration(number) for number in range(1, 6)], 1))
     jobs.records.run(finish(job_id, "failed", retention=60))
     path = f"/v1/jobs/{job_id}/events"
     seen = events(api.get(path, headers={"Last-Event-ID": "3"}))
@@ -88,7 +88,7 @@ def test_a_listener_that_comes_back_gets_what_it_missed(api: httpx.Client, jobs:
 def test_a_stream_of_many_events_is_whole(api: httpx.Client, jobs: Jobs) -> None:
     job_id = jobs.submit()
     jobs.records.run(claim(job_id))
-    jobs.records.run(report(job_id, 1, [iteration(number) for number in range(1, 1501)]))
+    jobs.records.run(report(job_id, 1, [iteration(number) for number in range(1, 1501)], 1))
     jobs.records.run(finish(job_id, "succeeded", retention=60))
     seen = events(api.get(f"/v1/jobs/{job_id}/events"))
     assert [event["data"]["iteration"] for event in seen[1:-1]] == list(range(1, 1501))
@@ -132,7 +132,7 @@ def test_who_names_an_event_that_is_yet_to_come_gets_the_end_all_the_same(
 ) -> None:
     job_id = jobs.submit()
     jobs.records.run(claim(job_id))
-    jobs.records.run(report(job_id, 1, [iteration(1), iteration(2)]))
+    jobs.records.run(report(job_id, 1, [iteration(1), iteration(2)], 1))
     end = threading.Timer(0.5, lambda: jobs.records.run(finish(job_id, "succeeded", retention=60)))
     end.start()
     headers = {"Last-Event-ID": str(ahead)}

@@ -38,7 +38,7 @@ def test_a_job_tells_its_progress_and_its_end(api: httpx.Client, jobs: Jobs) -> 
         "mse": 9.5,
         "fraction": 0.4,
     }
-    jobs.records.run(report(job_id, 1, [progress]))
+    jobs.records.run(report(job_id, 1, [progress], 1))
     running = api.get(f"/v1/jobs/{job_id}").json()
     assert running["status"] == "running"
     assert running["progress"] == progress

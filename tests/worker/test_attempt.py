@@ -135,6 +135,28 @@ def test_an_outage_neither_slows_nor_fails_a_run_and_loses_no_event(
         assert threading.get_ident() not in line.askers  # the computation never waited for an answer
 
 
+def test_no_event_comes_twice_when_an_answer_is_lost(broker_url: str, job_id: str) -> None:
+    client = client_of(broker_url)
+    unanswered: list[Call] = []
+
+    class LossyLine(JobRecords):
+        def run(self, call: Call) -> int:
+            answer = super().run(call)
+            if client.exists(events_key(job_id)) and not unanswered:
+                unanswered.append(call)
+                raise redis.TimeoutError
+            return answer
+
+    with Attempt(LossyLine(client), job_id, 1, seconds=60, retention=60) as attempt:
+        for number in range(1, 6):
+            attempt.on_progress(iteration(number))
+        within(10, lambda: bool(unanswered))
+        for number in range(6, 11):
+            attempt.on_progress(iteration(number))
+    told = [json.loads(entry["data"])["iteration"] for _, entry in client.xrange(events_key(job_id))]
+    assert told == list(range(1, 11))
+
+
 def test_an_outage_is_told_of_when_it_begins_and_when_it_is_over(
     broker_url: str,
     records: JobRecords,

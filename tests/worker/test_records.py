@@ -102,10 +102,10 @@ def test_a_job_whose_lease_has_lapsed_starts_a_new_attempt(
 
 def test_events_are_numbered_through_all_attempts(records: JobRecords, client: redis.Redis, job: Job) -> None:
     records.run(claim(job.id))
-    assert records.run(report(job.id, 1, [{"n": 1}, {"n": 2}]))
+    assert records.run(report(job.id, 1, [{"n": 1}, {"n": 2}], 1))
     client.delete(lease_key(job.id))
     records.run(claim(job.id))
-    assert records.run(report(job.id, 2, [{"n": 3}]))
+    assert records.run(report(job.id, 2, [{"n": 3}], 1))
     records.run(finish(job.id, "succeeded", retention=60))
     entries = client.xrange(events_key(job.id))
     assert [key for key, _ in entries] == ["1-0", "2-0", "3-0", "4-0"]
@@ -115,12 +115,29 @@ def test_events_are_numbered_through_all_attempts(records: JobRecords, client: r
     assert now.progress == {"n": 3}
 
 
+def test_events_whose_report_was_not_answered_are_appended_once(
+    records: JobRecords, client: redis.Redis, job: Job
+) -> None:
+    def told() -> list[int]:
+        return [json.loads(entry["data"])["n"] for _, entry in client.xrange(events_key(job.id))]
+
+    for attempt in (1, 2):
+        assert records.run(claim(job.id)) == attempt
+        step = report(job.id, attempt, [{"n": 1}, {"n": 2}], 1)
+        assert [records.run(step) for _ in range(2)] == [1, 1]
+        assert records.run(report(job.id, attempt, [{"n": 1}, {"n": 2}, {"n": 3}], 1))
+        assert records.run(report(job.id, attempt, [{"n": 6}], 6))  # others had to make room
+        assert records.run(report(job.id, attempt, [], 7))
+        assert told() == [1, 2, 3, 6] * attempt
+        client.delete(lease_key(job.id))
+
+
 def test_an_older_attempt_can_change_nothing(records: JobRecords, client: redis.Redis, job: Job) -> None:
     records.run(claim(job.id))
     client.delete(lease_key(job.id))
     records.run(claim(job.id))
     before = client.hgetall(record_key(job.id))
-    assert records.run(report(job.id, 1, [{"n": 1}])) == 0
+    assert records.run(report(job.id, 1, [{"n": 1}], 1)) == 0
     assert records.run(finish(job.id, "failed", attempt=1, retention=60)) == 0
     assert client.hgetall(record_key(job.id)) == before
     assert client.get(lease_key(job.id)) == "2"
@@ -159,7 +176,7 @@ def test_what_is_left_of_a_retired_job_is_its_owner(
     records: JobRecords, client: redis.Redis, job: Job
 ) -> None:
     records.run(claim(job.id))
-    records.run(report(job.id, 1, [{"n": 1}]))
+    records.run(report(job.id, 1, [{"n": 1}], 1))
     records.run(retire(job.id))
     assert client.hgetall(record_key(job.id)) == {"owner": "me"}
     assert client.ttl(record_key(job.id)) > 0
@@ -167,7 +184,7 @@ def test_what_is_left_of_a_retired_job_is_its_owner(
     assert not client.exists(events_key(job.id), lease_key(job.id))
     assert client.zscore(ACTIVE, job.id) is None
     assert client.zscore(owner_key("me"), job.id) is None
-    assert records.run(report(job.id, 1, [{"n": 2}])) == 0
+    assert records.run(report(job.id, 1, [{"n": 2}], 2)) == 0
 
 
 def test_a_job_that_nothing_is_known_of_is_not_taken_for_deleted(records: JobRecords, job: Job) -> None:
