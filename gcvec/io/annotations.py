@@ -33,7 +33,7 @@ def read_annotations(
     `picture_name`, a file's name or path, is taken, else the only one (see `select_image`).
 
     Raises `InputError`: "broken-annotations", "unsupported-annotations", "unsafe-annotations",
-    "annotations-too-large", "unknown-image".
+    "annotations-too-large", "unknown-image"; and MemoryError.
     """
     if data.startswith(b"PK"):
         data = _unzipped(data, limits)

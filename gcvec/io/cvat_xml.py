@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from xml.parsers.expat import errors
 from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
 from xml.sax.xmlreader import AttributesImpl, Locator
@@ -45,7 +46,7 @@ def read_cvat_xml(
     """The regions of one image of a "CVAT for images 1.1" document.
 
     Polylines, points, skeletons and cuboids enclose no region and are left out with a warning. See
-    `select_image` for how the image is chosen. Raises `InputError`.
+    `select_image` for how the image is chosen. Raises `InputError`, and MemoryError.
     """
     images, tasks = _parse(data)
     names = [_names(image, tasks) for image in images]
@@ -143,6 +144,8 @@ def _parse(data: bytes) -> tuple[list[_Image], Mapping[str, Mapping[str, str]]]:
     try:
         defusedxml.sax.parseString(data, document, forbid_dtd=True)
     except SAXParseException as error:
+        if error.getMessage() == errors.XML_ERROR_NO_MEMORY:  # which is no fault of the file's
+            raise MemoryError from error
         line = error.getLineNumber()
         raise InputError(
             f"broken annotations: line {line}: {error.getMessage()}",

@@ -2,7 +2,11 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
+from typing import Any, NoReturn
+from xml.parsers import expat
+from xml.sax import SAXParseException
 from xml.sax.saxutils import quoteattr
+from xml.sax.xmlreader import Locator
 
 import numpy as np
 import pytest
@@ -371,3 +375,15 @@ def assert_finite_or_refused(data: bytes) -> None:
     for shape in annotations.shapes:
         assert (shape.mask is None) == bool(shape.rings)
         assert all(np.isfinite(ring).all() and ring.shape[1] == 2 for ring in shape.rings)
+
+
+def test_a_lack_of_memory_is_no_fault_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The parser's own allocations fail with a status, not with Python's exception."""
+
+    def fail(*_: Any, **__: Any) -> NoReturn:
+        raise SAXParseException(expat.ErrorString(1), None, Locator())
+
+    assert expat.errors.codes[expat.errors.XML_ERROR_NO_MEMORY] == 1
+    monkeypatch.setattr("defusedxml.sax.parseString", fail)
+    with pytest.raises(MemoryError):
+        read_cvat_xml(document())
