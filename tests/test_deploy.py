@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import socket
 import tomllib
 from collections.abc import Iterator
 from copy import deepcopy
@@ -13,6 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
+from service.cli.serve import _commands
 from worker.queues import JOBS_QUEUE, TAKEN_ALONG
 from worker.settings import Settings
 
@@ -67,6 +69,26 @@ def test_the_same_runs_in_both() -> None:
         assert container(name)["command"] == shlex.split(services[name]["command"])
     assert container("redis")["image"] == services["redis"]["image"]
     assert set(shlex.split(services["redis"]["command"])) <= set(container("redis")["command"])
+
+
+def test_the_same_runs_on_one_machine() -> None:
+    """Workers there have names of their own, and none needs to hear from another."""
+    containers = {
+        name: shlex.split(service["command"])
+        for name, service in COMPOSE["services"].items()
+        if name != "redis"
+    }
+    with socket.socket() as listener:
+        api, *workers = _commands({}, listener, 1)
+    assert {worker.name for worker in workers} == set(containers) - {"api"}
+    assert list(api.arguments[1:-1]) == containers["api"][1:-1]
+    for worker in workers:
+        _, _, *line = worker.arguments
+        place = line.index("--hostname")
+        assert line[place : place + 2] == ["--hostname", f"{worker.name}@%h"]
+        del line[place : place + 2]
+        line.remove("--without-heartbeat")
+        assert sorted(line) == sorted(containers[worker.name])
 
 
 @pytest.mark.parametrize("name", sorted({*COMPOSE["services"]} - {"redis"}))
