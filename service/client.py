@@ -23,6 +23,14 @@ T = TypeVar("T")
 _PATIENCE: Final = 10
 _PAUSE_SECONDS: Final = 1.0
 _LONGEST_PAUSE_SECONDS: Final = 60.0
+_BROKEN: Final = (
+    httpx.ReadError,
+    httpx.WriteError,
+    httpx.ReadTimeout,
+    httpx.WriteTimeout,
+    httpx.RemoteProtocolError,
+)
+"""What ends a connection that there was."""
 _BUSY: Final = (HTTPStatus.REQUEST_TIMEOUT, HTTPStatus.CONFLICT, HTTPStatus.TOO_MANY_REQUESTS)
 
 
@@ -60,9 +68,15 @@ class Client:
             files["annotations"] = (annotations.name, annotations.read_bytes())
         data = {"options": json.dumps(options)}
         headers = {"Idempotency-Key": uuid.uuid4().hex}  # it is one job, however often it is sent
+        lost: tuple[type[Exception], ...] = _BROKEN
 
         def send() -> dict[str, Any]:
-            answer = self._http.post("/v1/jobs", files=files, data=data, headers=headers)
+            nonlocal lost
+            try:
+                answer = self._http.post("/v1/jobs", files=files, data=data, headers=headers)
+            except lost as error:
+                lost = (httpx.TransportError,)  # there is a service, which may be starting again
+                raise BusyError(str(error), _PAUSE_SECONDS) from error
             _raise_if_busy(answer)
             return _content(answer)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import socket
+import threading
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -258,3 +260,57 @@ def test_a_file_whose_connection_breaks_is_asked_for_again(meanwhile: Callable[.
     with in_background(server), client.Client(f"http://127.0.0.1:{server.server_port}") as asking:
         assert asking.download("/file") == b"0123456789"
     assert pauses == [1]
+
+
+def test_an_upload_whose_connection_breaks_is_sent_again(
+    folder: Path, meanwhile: Callable[..., None]
+) -> None:
+    """Under the same key, so that it is one job."""
+
+    class Breaking(BaseHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+        def do_POST(self) -> None:
+            self.rfile.read(int(self.headers["Content-Length"]))
+            keys.append(self.headers["Idempotency-Key"])
+            if len(keys) == 3:
+                self.send_response(202)
+                self.send_header("Content-Length", "11")
+                self.end_headers()
+                self.wfile.write(b'{"id": "a"}')
+
+    keys: list[str] = []
+    pauses: list[float] = []
+    meanwhile(pauses.append)
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Breaking)
+    with in_background(server), client.Client(f"http://127.0.0.1:{server.server_port}") as asking:
+        assert asking.submit(folder / "photo.png", None, {}) == {"id": "a"}
+    assert pauses == [1, 1]
+    assert len(keys) == 3
+    assert len(set(keys)) == 1
+
+
+def test_a_service_that_ends_in_mid_upload_is_waited_for(
+    folder: Path, meanwhile: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def end(seconds: float) -> None:
+        pauses.append(seconds)
+        listener.close()
+
+    pauses: list[float] = []
+    meanwhile(end)
+    listener = socket.create_server(("127.0.0.1", 0))
+    url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+
+    def hang_up() -> None:
+        connection, _ = listener.accept()
+        connection.recv(1)
+        connection.close()
+
+    threading.Thread(target=hang_up, daemon=True).start()
+    line = said(capsys, url, "photo.png", code=1)
+    assert line.startswith(f"gcvec: {url}: ")
+    assert len(pauses) == 10
+    assert said(capsys, url, "photo.png", code=1).startswith(f"gcvec: {url}: ")  # nobody is there: at once
+    assert len(pauses) == 10
