@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import socket
 import sys
@@ -18,6 +19,8 @@ from worker.settings import get_settings
 
 MOST_HEADER_BYTES: Final = 64_000
 """Request line and headers together."""
+HEADER_SECONDS: Final = 60
+"""So long after a connection was made, or the first byte of a further request, its headers may take."""
 STOP_SECONDS: Final = 5
 """So long after the signal to stop a request may still take."""
 KEEP_ALIVE_SECONDS: Final = 75
@@ -25,10 +28,19 @@ KEEP_ALIVE_SECONDS: Final = 75
 
 
 class BoundedHttp(HttpToolsProtocol):
-    """uvicorn's fast HTTP, which by itself reads headers without end."""
+    """uvicorn's fast HTTP, which by itself reads headers without end, and waits for them for ever."""
 
     _head: int | None = None  # bytes of a request whose headers have not all come, in pieces after its first
     _began = False  # whether a request did in the piece of data at hand
+    _deadline: asyncio.TimerHandle | None = None  # while headers are awaited
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._await_headers()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._have_headers()
+        super().connection_lost(exc)
 
     def on_message_begin(self) -> None:
         super().on_message_begin()
@@ -36,6 +48,7 @@ class BoundedHttp(HttpToolsProtocol):
 
     def on_headers_complete(self) -> None:
         self._head = None
+        self._have_headers()
         if len(self.url) + sum(len(name) + len(value) for name, value in self.headers) > MOST_HEADER_BYTES:
             raise ValueError("headers too large")  # which the parser makes a 400 of
         super().on_headers_complete()
@@ -47,6 +60,17 @@ class BoundedHttp(HttpToolsProtocol):
             self._head += len(data)
             if self._head > MOST_HEADER_BYTES and not self.transport.is_closing():
                 self.send_400_response("Headers too large.")
+        if self.cycle is None or self.cycle.response_complete:
+            self._await_headers()
+
+    def _await_headers(self) -> None:
+        if self._deadline is None and not self.transport.is_closing():
+            self._deadline = self.loop.call_later(HEADER_SECONDS, self.transport.close)
+
+    def _have_headers(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
 
 
 class Server(uvicorn.Server):

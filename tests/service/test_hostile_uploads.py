@@ -21,6 +21,7 @@ import httpx
 import pytest
 
 from gcvec.io import read_picture
+from service import server
 from service.jobs import uploads
 from tests.broker import client_of
 from tests.problems import refused
@@ -421,6 +422,37 @@ def test_headers_without_end_are_refused(api: httpx.Client, start: bytes, more: 
         assert sent < MEGABYTE
     assert api.get("/livez").status_code == 200
     assert api.get("/livez", headers={"X": "a" * 60_000}).status_code == 200
+
+
+@pytest.mark.parametrize("before", [b"", b"GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n"])
+@pytest.mark.parametrize(
+    ("start", "more"), [(b"GET /livez HTTP/1.1\r\nX: ", b"a"), (b"", b"\r\n"), (b"G", b"")]
+)
+def test_headers_that_do_not_come_to_an_end_are_not_awaited(
+    api: httpx.Client, monkeypatch: pytest.MonkeyPatch, before: bytes, start: bytes, more: bytes
+) -> None:
+    monkeypatch.setattr(server, "HEADER_SECONDS", 0.5)
+    with socket.create_connection((api.base_url.host, api.base_url.port or 0), timeout=10) as connection:
+        if before:
+            connection.sendall(before)
+            assert connection.recv(1_000).startswith(b"HTTP/1.1 200 ")
+        connection.sendall(start)
+        began = time.monotonic()
+        try:
+            while not select.select([connection], [], [], 0.05)[0] or connection.recv(1_000):
+                assert time.monotonic() - began < 10
+                connection.sendall(more)
+        except OSError:  # the server has closed the connection
+            pass
+
+
+def test_who_says_nothing_is_not_awaited_but_who_has_asked_is(
+    api: httpx.Client, jobs: Jobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "HEADER_SECONDS", 0.2)
+    with socket.create_connection((api.base_url.host, api.base_url.port or 0), timeout=10) as connection:
+        assert connection.recv(1_000) == b""
+    assert api.get(f"/v1/jobs/{jobs.submit()}?wait=1").json()["status"] == "queued"
 
 
 def test_a_request_behind_a_large_body_is_read(api: httpx.Client) -> None:
