@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import resource
+import threading
 import warnings
+from importlib import import_module
 from typing import Any, Final
 
 from celery import Celery, signals
@@ -14,8 +16,9 @@ from kombu import Exchange, Queue
 from gcvec.allocation import give_back_large_arrays
 from gcvec.parallel import use_workers
 from worker import logs, tracing
+from worker.artifacts import EXPORTS
 from worker.process import die_with, give_way
-from worker.queues import JOBS_QUEUE, QUEUES, ROUTES, TAKEN_ALONG
+from worker.queues import JOBS_QUEUE, QUEUES, ROUTES, SHORT_QUEUE, TAKEN_ALONG
 from worker.settings import Settings, get_settings
 
 _HARD_LIMIT_MARGIN: Final = 60.0
@@ -71,7 +74,7 @@ def _log(loglevel: int, **_: Any) -> None:
 def _begin(sender: Any, **_: Any) -> None:
     """Load the engine before the pool is forked: its processes share it, and one that died is soon back.
 
-    Only the workers that run jobs load it: on a new machine kernels are compiled here, best by one at a time.
+    Only the workers that run jobs do so: on a new machine kernels are compiled here, best by one at a time.
     """
     tracing.start("gcvec-worker")
     queues = sender.app.amqp.queues
@@ -95,6 +98,14 @@ def _prepare_process(**_: Any) -> None:
     give_back_large_arrays()
     resource.setrlimit(resource.RLIMIT_DATA, (settings.job_memory_bytes, settings.job_memory_bytes))
     use_workers(settings.job_threads)
+    if SHORT_QUEUE in app.amqp.queues.consume_from:
+        threading.Thread(target=_load_exports, name="load", daemon=True).start()
+
+
+def _load_exports() -> None:
+    """Load what exports and edits need before the first of them comes, which may come meanwhile."""
+    for module in ("worker.export", "worker.edit", *(f"gcvec.export.{kind}" for kind in EXPORTS)):
+        import_module(module)
 
 
 @signals.worker_ready.connect
