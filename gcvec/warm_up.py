@@ -15,9 +15,12 @@ _SIDE = 256
 
 def warm_up() -> None:
     """Vectorize a small picture that has a bit of everything, with drawn regions and without; write its
-    regions."""
+    regions, and every file that can be made of it."""
     from gcvec import Annotations, Options, Shape, VectorImage, vectorize
     from gcvec.export import error_map, patch_overlay
+    from gcvec.export.glb import glb
+    from gcvec.export.pdf import pdf
+    from gcvec.export.svg import svg
     from gcvec.io import write_cvat_xml
     from gcvec.regions.segment import segment
 
@@ -39,6 +42,8 @@ def warm_up() -> None:
     write_cvat_xml(segment(pixels), "picture.png")
     error_map(pixels, result)
     patch_overlay(result)
+    for export in (svg, pdf, glb):
+        export(result)
     logger.info("engine ready after %.1f s", time.perf_counter() - started)
 
 

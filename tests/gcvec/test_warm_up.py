@@ -1,4 +1,4 @@
-"""After the warm-up no photo waits for a compiler."""
+"""After the warm-up no photo waits for a compiler, nor do exports and edits."""
 
 from __future__ import annotations
 
@@ -27,10 +27,28 @@ from tests.gcvec.crews import Alone
 drawn = read_annotations(Path("examples/sample/chelsea.xml").read_bytes(), picture_name="chelsea.png")
 
 
-def vectorize_photos():
+def work():
     for regions in (drawn, None):
         for crew in (None, Alone(3)):
             vectorize(data.chelsea(), regions, Options(target_mse=60), None, crew).render(2)
+"""
+
+EXPORT = """
+from pathlib import Path
+
+from gcvec import VectorImage
+from gcvec.edit import Move, Recolor, edit
+from gcvec.export.glb import glb
+from gcvec.export.pdf import pdf
+from gcvec.export.svg import svg
+
+
+def work():
+    for name in ("leaf", "recolored"):
+        image = VectorImage.from_bytes(Path(f"tests/data/{name}.gcv").read_bytes())
+        edited = edit(image, [Move(3, 1, 0.5, 0.5)], [Recolor(0, (1.0, 0.0, 0.0))])
+        for export in (svg, pdf, glb, VectorImage.to_bytes, VectorImage.description):
+            export(edited)
 """
 
 COMPARE = """
@@ -49,14 +67,14 @@ def known():
 warm_up()
 before = known()
 assert len(before) > 40, before
-vectorize_photos()
+work()
 print(sorted(known() - before))
 """
 
 LOOK = """
 import sys
 
-vectorize_photos()
+work()
 print([name for name in ("numba", "llvmlite") if name in sys.modules])
 """
 
@@ -68,11 +86,13 @@ def run(script: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_photo_needs_no_other_kernels() -> None:
-    run(WITHOUT_LIBRARY + VECTORIZE + COMPARE)
+@pytest.mark.parametrize("work", [VECTORIZE, EXPORT])
+def test_no_work_needs_other_kernels(work: str) -> None:
+    run(WITHOUT_LIBRARY + work + COMPARE)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CONTENTS.exists(), reason="no kernel library was made on this machine")
-def test_a_photo_needs_no_kernels_but_those_of_the_library() -> None:
-    run(VECTORIZE + LOOK)
+@pytest.mark.parametrize("work", [VECTORIZE, EXPORT])
+def test_no_work_needs_kernels_but_those_of_the_library(work: str) -> None:
+    run(work + LOOK)
