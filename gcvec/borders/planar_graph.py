@@ -11,7 +11,10 @@ hand.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +22,16 @@ from numpy.typing import NDArray
 from gcvec.kernels import kernel
 
 OUTSIDE = -1
+"""The region of everything beyond the picture."""
 
 MOST_AT_NODE = 8
 """Ends of curves that may meet in one node; pixels have four corners, so pictures need four."""
 
-Loop = tuple[tuple[int, bool], ...]
-"""A closed walk over arcs, `(arc, forward)`, with the region at the right hand."""
+Half = tuple[int, bool]
+"""An arc (later a curve), by its number, as one of its two regions has it: whether it walks forward there."""
+
+Loop = tuple[Half, ...]
+"""A closed walk over arcs, with the region at the right hand."""
 
 # Steps along the lattice: east, south, west, north.
 _DX = np.array([1, 0, -1, 0])
@@ -37,6 +44,25 @@ _BESIDE = {
     (-1, 0): ((0, 1), (0, 0)),
     (0, -1): ((0, 0), (1, 0)),
 }
+
+
+class Edge(Protocol):
+    """What two regions share from node to node: an arc or a curve."""
+
+    @property
+    def left(self) -> int: ...
+
+    @property
+    def right(self) -> int: ...
+
+    @property
+    def start(self) -> int: ...
+
+    @property
+    def end(self) -> int: ...
+
+    @property
+    def closed(self) -> bool: ...
 
 
 @dataclass(frozen=True)
@@ -189,45 +215,62 @@ def _direction(a: NDArray[np.int32], b: NDArray[np.int32]) -> int:
     return {(1, 0): 0, (0, 1): 1, (-1, 0): 2, (0, -1): 3}[step]
 
 
-def _loops(arcs: tuple[Arc, ...], n_regions: int) -> tuple[tuple[tuple[tuple[int, bool], ...], ...], ...]:
+def _loops(arcs: tuple[Arc, ...], n_regions: int) -> tuple[tuple[Loop, ...], ...]:
     """Boundary loops of every region.
 
     Where a region touches itself at a diagonal crossing, the walk stays at the same pixel, because regions
-    are 4-connected: the quadrant at the right hand of the arriving step is that of the leaving one.
+    are 4-connected: the quadrant at the right hand of the arriving step is that of the leaving one. Right of
+    an eastward arrival lies the south-west quadrant, which is right of a southward leave.
     """
-    leaving: dict[tuple[int, int], list[tuple[int, tuple[int, bool]]]] = {}
-    arriving: dict[tuple[int, bool], int] = {}
-    half_edges: list[tuple[int, tuple[int, bool]]] = []
-    for i, arc in enumerate(arcs):
-        for forward, region, node in ((True, arc.right, arc.start), (False, arc.left, arc.end)):
+
+    def turn(arriving: Half, leaving: Half) -> int:
+        arrived, left = _walked(arcs, arriving), _walked(arcs, leaving)
+        return (_direction(arrived[-2], arrived[-1]) + 1 - _direction(left[0], left[1])) % 4
+
+    return walked_loops(arcs, n_regions, turn)
+
+
+def _walked(arcs: tuple[Arc, ...], half: Half) -> NDArray[np.int32]:
+    arc, forward = half
+    return arcs[arc].points if forward else arcs[arc].points[::-1]
+
+
+def walked_loops(
+    edges: Sequence[Edge], n_regions: int, turn: Callable[[Half, Half], float]
+) -> tuple[tuple[Loop, ...], ...]:
+    """Loops of every region, the region at the right hand. `ValueError` where edges do not close.
+
+    Where a region touches itself at a node, the walk goes from the one half that arrives there to the other
+    that leaves for which `turn` is least: it has to be the sharpest turn to the right.
+    """
+    leaving: dict[tuple[int, int], list[Half]] = {}
+    halves: list[tuple[int, Half]] = []
+    for e, edge in enumerate(edges):
+        for forward, region, node in ((True, edge.right, edge.start), (False, edge.left, edge.end)):
             if region == OUTSIDE:
                 continue
-            p = arc.points if forward else arc.points[::-1]
-            half = (i, forward)
-            half_edges.append((region, half))
-            if not arc.closed:
-                leaving.setdefault((node, region), []).append((_direction(p[0], p[1]), half))
-                arriving[half] = _direction(p[-2], p[-1])
-
-    loops: list[list[tuple[tuple[int, bool], ...]]] = [[] for _ in range(n_regions)]
-    done: set[tuple[int, bool]] = set()
-    for region, first in half_edges:
+            halves.append((region, (e, forward)))
+            if not edge.closed:
+                leaving.setdefault((node, region), []).append((e, forward))
+    loops: list[list[Loop]] = [[] for _ in range(n_regions)]
+    done: set[Half] = set()
+    for region, first in halves:
         if first in done:
             continue
-        loop, half = [], first
+        loop: list[Half] = []
+        half = first
         while half not in done:
             done.add(half)
             loop.append(half)
-            arc = arcs[half[0]]
-            if arc.closed:
+            edge = edges[half[0]]
+            if edge.closed:
                 break
-            candidates = leaving[(arc.end if half[1] else arc.start, region)]
-            if len(candidates) == 1:
-                half = candidates[0][1]
-            else:
-                # Right of an eastward arrival lies the south-west quadrant, which is right of a southward
-                # leave.
-                turn = (arriving[half] + 1) % 4
-                half = next(h for d, h in candidates if d == turn)
+            node = edge.end if half[1] else edge.start
+            candidates = [h for h in leaving.get((node, region), []) if h not in done or h == first]
+            if not candidates:
+                raise ValueError("curves that do not close around a patch")
+            half = candidates[0] if len(candidates) == 1 else min(candidates, key=partial(turn, half))
         loops[region].append(tuple(loop))
+    if not all(loops):
+        raise ValueError("a patch without a boundary")
     return tuple(tuple(region_loops) for region_loops in loops)
