@@ -92,9 +92,9 @@ def recorded_calls() -> Iterator[Calls]:
 
 def main() -> None:
     """Make the library, or say why pictures will start more slowly."""
-    from gcvec.warm_up import warm_up
-
     with recorded_calls() as calls:
+        from gcvec.warm_up import warm_up
+
         warm_up()
     try:
         calls.compile(LIBRARY, CONTENTS)

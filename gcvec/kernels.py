@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import json
+import logging
 import zlib
 from collections.abc import Callable, Mapping
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, ModuleSpec
@@ -24,6 +25,10 @@ PACKAGE = Path(__file__).parent
 LIBRARY_NAME = "gcvec_kernels"
 LIBRARY = PACKAGE / "__pycache__" / f"{LIBRARY_NAME}{EXTENSION_SUFFIXES[0]}"
 CONTENTS = LIBRARY.with_suffix(".json")
+
+REMEDY = "`python -m gcvec.kernel_library` makes it anew"
+
+logger = logging.getLogger(__name__)
 
 Kinds = tuple[Any, ...]
 
@@ -66,14 +71,14 @@ class Kernel:
     """
 
     recorder: Recorder | None = None
-    """Where all calls go, if it is there."""
+    """Where all calls go, if it is there; kernels that are made meanwhile do not look for a library."""
 
     def __init__(self, function: Callable[..., Any], bare: bool = False) -> None:
         functools.update_wrapper(self, function)
         self.name = f"{function.__module__}.{function.__qualname__}"
         self.counts_references = not bare
         self._function = function
-        self._known = library().get(self.name, {})
+        self._known = {} if Kernel.recorder is not None else library().get(self.name, {})
 
     @functools.cached_property
     def jitted(self) -> Any:
@@ -111,20 +116,30 @@ def bare_kernel(function: Callable[..., Any]) -> Any:
 
 @functools.cache
 def library() -> Mapping[str, Mapping[Kinds, Callable[..., Any]]]:
-    """The kernels of the library, by name and kinds of arguments; none where it is missing or out of date."""
-    found: dict[str, dict[Kinds, Callable[..., Any]]] = {}
+    """The kernels of the library, by name and kinds of arguments; none where it is missing or out of date.
+
+    The log says why there are none: pictures are made all the same, but start slowly.
+    """
     try:
-        contents = json.loads(CONTENTS.read_text())
-        if contents["sources"] != sources_stamp():
-            return {}
-        loader = ExtensionFileLoader(LIBRARY_NAME, str(LIBRARY))
-        module = module_from_spec(ModuleSpec(LIBRARY_NAME, loader, origin=str(LIBRARY)))
-        loader.exec_module(module)
-        for call in contents["calls"]:
-            known = _as_tuple(call["kinds"])
-            found.setdefault(call["kernel"], {})[known] = getattr(module, symbol(call["kernel"], known))
-    except (OSError, ImportError, ValueError, KeyError, TypeError, AttributeError):
+        return _loaded()
+    except (OSError, ImportError, ValueError, KeyError, TypeError, AttributeError) as problem:
+        # Where none can be made, as without a C++ compiler, that was told when it was tried.
+        level = logging.INFO if isinstance(problem, FileNotFoundError) else logging.WARNING
+        logger.log(level, "kernels are loaded one by one: %s: %r; %s", LIBRARY.name, problem, REMEDY)
         return {}
+
+
+def _loaded() -> dict[str, dict[Kinds, Callable[..., Any]]]:
+    contents = json.loads(CONTENTS.read_text())
+    if contents["sources"] != sources_stamp():
+        raise ImportError("it was compiled from other sources")
+    loader = ExtensionFileLoader(LIBRARY_NAME, str(LIBRARY))
+    module = module_from_spec(ModuleSpec(LIBRARY_NAME, loader, origin=str(LIBRARY)))
+    loader.exec_module(module)
+    found: dict[str, dict[Kinds, Callable[..., Any]]] = {}
+    for call in contents["calls"]:
+        known = _as_tuple(call["kinds"])
+        found.setdefault(call["kernel"], {})[known] = getattr(module, symbol(call["kernel"], known))
     return found
 
 

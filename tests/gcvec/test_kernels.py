@@ -163,12 +163,15 @@ def test_kernels_of_a_library_let_other_threads_run(in_use: tuple[Path, Path]) -
 
 @pytest.mark.slow
 def test_a_library_of_other_sources_is_not_used(
-    in_use: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+    in_use: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert kernels.library()
+    assert not caplog.records
     kernels.library.cache_clear()
     monkeypatch.setattr(kernels, "sources_stamp", lambda: 0)
-    assert kernels.library() == {}
+    assert kernels.library() == kernels.library() == {}
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "other sources" in caplog.text
 
 
 @pytest.mark.slow
@@ -178,6 +181,7 @@ def test_a_library_that_is_not_whole_is_not_used(
     in_use: tuple[Path, Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
     name: str,
     content: bytes | None,
 ) -> None:
@@ -189,6 +193,8 @@ def test_a_library_that_is_not_whole_is_not_used(
             copy.write_bytes(content)
         monkeypatch.setattr(kernels, variable, copy)
     assert kernels.library() == {}
+    is_missing = content is None and name == kernels.CONTENTS.name
+    assert [record.levelname for record in caplog.records] == ([] if is_missing else ["WARNING"])
 
 
 @bare_kernel
