@@ -23,6 +23,7 @@ from gcvec.hex_color import rgb_from_hex
 from gcvec.patches.canonical import Canvas, Foundation
 from gcvec.patches.mesh import patch_mesh
 from gcvec.patches.patch import Blend
+from gcvec.raster.triangle import double_areas
 from gcvec.recoloring import FULL_SHIFT, recolored, shifted
 from gcvec.vector_image import VectorImage
 
@@ -87,9 +88,7 @@ def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Floats]:
     canvas, own_points = _patch_canvas(image.canvas, patch)
     drawing = canvas.drawing(flatness=np.inf)
     operator, corner_color = canvas.operator(drawing)
-    a, b, c = (drawing.image[drawing.triangles[:, k]] for k in range(3))
-    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-    area = np.abs(ux * vy - uy * vx)
+    area = np.abs(double_areas(drawing.image, drawing.triangles))
     area = area if area.any() else np.ones_like(area)  # an edit may have taken it all away
     of_corner = np.bincount(corner_color.ravel(), np.repeat(area / (3 * area.sum()), 3), operator.shape[0])
     n_boundary = len(image.boundary_colors)

@@ -18,11 +18,11 @@ from gcvec.greedy.strip import (
     TRIANGLES,
     corner_of,
     cover,
-    cross,
     most_entries,
     next_around,
 )
 from gcvec.kernels import bare_kernel
+from gcvec.raster.triangle import double_area
 
 LEAST_AREA = 1e-9
 """Twice the area of a triangle, pixels squared, below which it counts as folded."""
@@ -60,7 +60,7 @@ def _holder(triangles, neighbors, domain, vertex, start):
     for _ in range(MOST_STEPS):
         moved = False
         for k in range(3):
-            if cross(domain, triangles[t, k], triangles[t, (k + 1) % 3], vertex) < 0:
+            if double_area(domain, triangles[t, k], triangles[t, (k + 1) % 3], vertex) < 0:
                 t = neighbors[t, k]
                 moved = True
                 break
@@ -104,8 +104,8 @@ def insert(strip, vertex, start):
             if beyond == NOBODY or strip.mark[beyond] != stamp:
                 a, b = strip.triangles[t, k], strip.triangles[t, (k + 1) % 3]
                 if (
-                    cross(strip.domain, a, b, vertex) < LEAST_AREA
-                    or cross(strip.image, a, b, vertex) < LEAST_AREA
+                    double_area(strip.domain, a, b, vertex) < LEAST_AREA
+                    or double_area(strip.image, a, b, vertex) < LEAST_AREA
                     or n_edges == MOST_CORNERS
                 ):
                     return 0
@@ -206,7 +206,10 @@ def _cut_ears(strip, n):
         found = False
         for i in range(n):
             a, b, c = ring[i], ring[(i + 1) % n], ring[(i + 2) % n]
-            if cross(strip.domain, a, b, c) < LEAST_AREA or cross(strip.image, a, b, c) < LEAST_AREA:
+            if (
+                double_area(strip.domain, a, b, c) < LEAST_AREA
+                or double_area(strip.image, a, b, c) < LEAST_AREA
+            ):
                 continue
             empty = True
             for j in range(3, n):

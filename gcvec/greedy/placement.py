@@ -22,13 +22,13 @@ from gcvec.greedy.strip import (
     TRIANGLES,
     VERTICES,
     Strip,
-    barycentric,
     make_room,
 )
 from gcvec.grouping import rank_in_group
 from gcvec.kernels import bare_kernel
 from gcvec.parallel import in_turn
 from gcvec.patches.mesh import jittered
+from gcvec.raster.triangle import barycentric
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gcvec.kernels import bare_kernel
 from gcvec.patches.canonical import Foundation
+from gcvec.raster.triangle import barycentric
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,14 +71,10 @@ def image_of(seats, x, y, at):
     t = seats.triangle_at[at]
     a, b, c = seats.triangles[t, 0], seats.triangles[t, 1], seats.triangles[t, 2]
     domain, image = seats.domain, seats.image
-    ux, uy = domain[b, 0] - domain[a, 0], domain[b, 1] - domain[a, 1]
-    vx, vy = domain[c, 0] - domain[a, 0], domain[c, 1] - domain[a, 1]
-    px, py = x - domain[a, 0], y - domain[a, 1]
-    area = ux * vy - uy * vx
-    s, r = (px * vy - py * vx) / area, (ux * py - uy * px) / area
+    w0, w1, w2 = barycentric(domain, a, b, c, x, y)
     return (
-        (1 - s - r) * image[a, 0] + s * image[b, 0] + r * image[c, 0],
-        (1 - s - r) * image[a, 1] + s * image[b, 1] + r * image[c, 1],
+        w0 * image[a, 0] + w1 * image[b, 0] + w2 * image[c, 0],
+        w0 * image[a, 1] + w1 * image[b, 1] + w2 * image[c, 1],
     )
 
 

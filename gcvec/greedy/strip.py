@@ -187,25 +187,6 @@ def roomy_strip(
 
 
 @bare_kernel
-def cross(points, a, b, c):
-    """Twice the signed area of the triangle of three vertices."""
-    return (points[b, 0] - points[a, 0]) * (points[c, 1] - points[a, 1]) - (points[b, 1] - points[a, 1]) * (
-        points[c, 0] - points[a, 0]
-    )
-
-
-@bare_kernel
-def barycentric(image, a, b, c, x, y):
-    """Weights of the corners at `(x, y)`."""
-    ux, uy = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
-    vx, vy = image[c, 0] - image[a, 0], image[c, 1] - image[a, 1]
-    px, py = x - image[a, 0], y - image[a, 1]
-    area = ux * vy - uy * vx
-    s, r = (px * vy - py * vx) / area, (ux * py - uy * px) / area
-    return 1 - s - r, s, r
-
-
-@bare_kernel
 def _assemble(strip):
     for t in range(strip.counts[TRIANGLES]):
         cover(strip, t)

@@ -14,6 +14,7 @@ from gcvec.curves.network import Curve, Network
 from gcvec.patches.canonical import Foundation
 from gcvec.patches.color_space import color_space
 from gcvec.patches.mesh import CELL_LEVELS, FINEST_CELL
+from gcvec.raster.triangle import double_areas
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,8 +48,7 @@ def divided(foundation: Foundation, n: int) -> list[Ints]:
     """The patches of a foundation in at most `n` groups that lie together and have about the same area."""
     mesh, n_patches = foundation.geometry.mesh, len(foundation.network.loops)
     corners = mesh.vertices[mesh.triangles]
-    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    weight = np.abs(ux * vy - uy * vx) / 2
+    weight = np.abs(double_areas(mesh.vertices, mesh.triangles)) / 2
     area = np.bincount(mesh.patch, weight, n_patches).astype(np.float64)
     moment = [np.bincount(mesh.patch, weight * middle, n_patches) for middle in corners.mean(axis=1).T]
     return _split(np.arange(n_patches), np.stack(moment, axis=1) / area[:, None], area, n)

@@ -19,6 +19,7 @@ from gcvec.patches.fans import fans
 from gcvec.patches.mesh import Mesh
 from gcvec.patches.samples import BoundarySamples
 from gcvec.patches.segment_table import SegmentTable, segment_table
+from gcvec.raster.triangle import double_area
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -132,10 +133,7 @@ def folded(image: Floats, triangles: Ints) -> Ints:
 def _is_folded(image, triangles):
     result = np.empty(len(triangles), np.bool_)
     for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ux, uy = image[b, 0] - image[a, 0], image[b, 1] - image[a, 1]
-        vx, vy = image[c, 0] - image[a, 0], image[c, 1] - image[a, 1]
-        result[t] = ux * vy - uy * vx <= 0
+        result[t] = double_area(image, triangles[t, 0], triangles[t, 1], triangles[t, 2]) <= 0
     return result
 
 

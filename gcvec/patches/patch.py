@@ -16,6 +16,7 @@ from gcvec.patches.coons import coons
 from gcvec.patches.harmonic import cotangent_laplacian, faded_coordinates
 from gcvec.patches.mesh import Mesh
 from gcvec.patches.samples import BoundarySamples
+from gcvec.raster.triangle import barycentric_at
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -138,11 +139,7 @@ class Geometry:
         column = np.clip(points[:, 0].astype(np.int64), 0, width - 1)
         row = np.clip(points[:, 1].astype(np.int64), 0, height - 1)
         triangle = self.triangle_at[row, column]
-        a, b, c = (self.mesh.vertices[self.mesh.triangles[triangle, k]] for k in range(3))
-        (ux, uy), (vx, vy), (px, py) = (b - a).T, (c - a).T, (points - a).T
-        area = ux * vy - uy * vx
-        s, t = (px * vy - py * vx) / area, (ux * py - uy * px) / area
-        weights = np.stack([1 - s - t, s, t], axis=1)
+        weights = barycentric_at(self.mesh.vertices, self.mesh.triangles[triangle], points)
         return np.asarray(np.einsum("nk,nkd->nd", weights, corner_values[triangle]))
 
     def moved(self, samples: BoundarySamples, control_points: Floats) -> Geometry:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gcvec.kernels import bare_kernel, kernel
 from gcvec.parallel import in_shares
 from gcvec.raster.covering import cells, cover_triangle, scratch_for
+from gcvec.raster.triangle import barycentric, double_area
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -53,9 +54,12 @@ def paint(
 
 @bare_kernel
 def _locate(vertices, triangles, width, first_row, last_row, owner):
-    """Find the triangles of the pixel centres in some rows: where several hold one, the last."""
+    """Find the triangles of the pixel centres in some rows: where several hold one, the last. What is no more
+    than a line holds none."""
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if double_area(vertices, a, b, c) == 0:
+            continue
         ax, ay = vertices[a, 0], vertices[a, 1]
         bx, by = vertices[b, 0], vertices[b, 1]
         cx, cy = vertices[c, 0], vertices[c, 1]
@@ -92,16 +96,13 @@ def _sample(vertices, triangles, colors, corner_color, owner):
             t = owner[y, x]
             if t < 0:
                 continue
-            a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
-            ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
-            px, py = x + 0.5 - a[0], y + 0.5 - a[1]
-            area = ux * vy - uy * vx
-            s, r = (px * vy - py * vx) / area, (ux * py - uy * px) / area
+            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            w0, w1, w2 = barycentric(vertices, a, b, c, x + 0.5, y + 0.5)
             for k in range(colors.shape[1]):
                 picture[y * width + x, k] = (
-                    (1 - s - r) * colors[corner_color[t, 0], k]
-                    + s * colors[corner_color[t, 1], k]
-                    + r * colors[corner_color[t, 2], k]
+                    w0 * colors[corner_color[t, 0], k]
+                    + w1 * colors[corner_color[t, 1], k]
+                    + w2 * colors[corner_color[t, 2], k]
                 )
     return picture
 

@@ -20,6 +20,7 @@ from gcvec.patches.canonical import Canvas, Foundation, lay_canvas
 from gcvec.patches.drawing import folded
 from gcvec.patches.mesh import Mesh, build_mesh, patch_mesh
 from gcvec.patches.patch import blend
+from gcvec.raster.triangle import barycentric_at
 from gcvec.refinement.clearance import room
 from gcvec.refinement.draft import Draft, by_rows, drafted
 from gcvec.refinement.scene import Scene, Step, Terms
@@ -214,9 +215,5 @@ def _located(vertices: Floats, triangles: Ints, width: int, height: int) -> tupl
     owner = raster.triangle_at_pixel_centres(vertices, triangles, width, height).ravel()
     pixels = np.flatnonzero(owner >= 0)
     triangle = owner[pixels].astype(np.int64)
-    centre = np.stack([pixels % width, pixels // width], axis=1) + 0.5
-    a, b, c = (vertices[triangles[triangle, k]] for k in range(3))
-    (ux, uy), (vx, vy), (px, py) = (b - a).T, (c - a).T, (centre - a).T
-    area = ux * vy - uy * vx
-    s, t = (px * vy - py * vx) / area, (ux * py - uy * px) / area
-    return pixels, triangle, np.stack([1 - s - t, s, t], axis=1)
+    centre = np.asarray(np.stack([pixels % width, pixels // width], axis=1) + 0.5, np.float64)
+    return pixels, triangle, barycentric_at(vertices, triangles[triangle], centre)

@@ -52,3 +52,11 @@ def test_linear_functions_are_reproduced_exactly() -> None:
     np.testing.assert_allclose(picture, np.stack([0.3 * x - 0.7 * y + 2, x, y], axis=-1), atol=1e-9)
     raw = sample(drawing.image, drawing.triangles, values, drawing.triangles, width, height)
     np.testing.assert_allclose(raw, picture, atol=1e-9)
+
+
+def test_what_is_no_more_than_a_line_holds_no_pixel() -> None:
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [2.0, 2.0]])
+    triangles = np.array([[0, 1, 2], [0, 3, 3]])  # the second lies along centres of the first's pixels
+    picture = sample(corners, triangles, corners, triangles, 2, 2)
+    y, x = np.mgrid[:2, :2] + 0.5
+    np.testing.assert_allclose(picture, np.stack([x, y], axis=-1), atol=1e-12)
