@@ -17,7 +17,7 @@ from skimage import data
 
 from examples import figures
 from examples.coons import Curve, Patch, generalized_coons, polyline, regular_polygon
-from gcvec.borders.border import borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves import bspline
 from gcvec.curves.network import Network
@@ -86,7 +86,7 @@ def main() -> dict[str, float]:
 def _network(pixels: NDArray[np.uint8]) -> tuple[Network, set[int]]:
     """The curves of a photo's automatic regions, and the regions whose patches fold over."""
     height, width = pixels.shape[:2]
-    traced = borders(planar_graph(segment(pixels, REGIONS).labels), width, height)
+    traced = sample_borders(planar_graph(segment(pixels, REGIONS).labels), width, height)
     network = fitted_network(traced, traced, Quantization().grid)
     foundation = lay_unfolded_foundation(network, np.zeros(len(network.curves), bool))
     mesh = foundation.geometry.mesh

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gcvec.annotations import Annotations, check_size
 from gcvec.automatic_regions import automatic_regions
-from gcvec.borders.border import borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.localize import LARGEST_SHIFT, localized
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.colors.boundary_color import color_samples, fit_boundary_colors, hard_edges
@@ -156,7 +156,7 @@ def _scene(
     picture = pixels / 255.0
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
-        traced = borders(planar_graph(regions.labels), width, height)
+        traced = sample_borders(planar_graph(regions.labels), width, height)
         network = fitted_network(*localized(traced, picture, reach))
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)

@@ -61,7 +61,7 @@ class Borders:
     loops: tuple[tuple[Loop, ...], ...]
 
 
-def borders(graph: PlanarGraph, width: int, height: int) -> Borders:
+def sample_borders(graph: PlanarGraph, width: int, height: int) -> Borders:
     """The borders of a label map's planar graph, one an arc."""
     found = tuple(_border(arc) for arc in graph.arcs)
     return with_nodes_in_order(Borders(width, height, graph.nodes.astype(np.float64), found, graph.loops))

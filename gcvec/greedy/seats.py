@@ -42,7 +42,7 @@ class Seats(NamedTuple):
     row: int
 
 
-def seats(foundation: Foundation, blocked: NDArray[np.bool_]) -> Seats:
+def find_seats(foundation: Foundation, blocked: NDArray[np.bool_]) -> Seats:
     """The seats of a foundation, those of the pixels `blocked` `(h, w)` taken."""
     geometry = foundation.geometry
     height, width = blocked.shape

@@ -19,7 +19,7 @@ from gcvec.curves.network import Network
 from gcvec.patches.color_space import ColorSpace, boundary_corners, color_space
 from gcvec.patches.drawing import FLATNESS, Drawing, Polylines, draw, folded, polylines
 from gcvec.patches.mesh import Mesh, build_mesh
-from gcvec.patches.patch import Blend, Geometry, blend, geometry
+from gcvec.patches.patch import Blend, Geometry, lay_geometry, solve_blend
 from gcvec.patches.samples import BoundarySamples, boundary_samples
 from gcvec.raster.coverage import Coverage
 
@@ -137,7 +137,7 @@ def _bare(network: Network) -> tuple[BoundarySamples, Mesh]:
 def _foundation(
     network: Network, hard: NDArray[np.bool_], control_points: Floats, samples: BoundarySamples, mesh: Mesh
 ) -> Foundation:
-    s = geometry(network, samples, mesh, control_points)
+    s = lay_geometry(network, samples, mesh, control_points)
     return Foundation(network, hard, samples, s, color_space(network, hard), control_points)
 
 
@@ -179,7 +179,7 @@ def refined_domains(foundation: Foundation, corners: Ints) -> Foundation | None:
     if finer is None:
         return None
     samples, mesh = _bare(finer)
-    s = geometry(finer, samples, mesh, finer.control_points)
+    s = lay_geometry(finer, samples, mesh, finer.control_points)
     # Levels are no matter of colours: their numbering stays.
     return replace(foundation, network=finer, samples=samples, geometry=s)
 
@@ -207,7 +207,7 @@ def lay_canvas(foundation: Foundation, points: Ints) -> Canvas:
         return foundation.bare_canvas
     mesh = build_mesh(foundation.network, foundation.samples, points)
     places = foundation.geometry.to_image(mesh.vertices[mesh.n_samples :])
-    return Canvas(foundation, mesh, blend(foundation.network, foundation.samples, mesh), places)
+    return Canvas(foundation, mesh, solve_blend(foundation.network, foundation.samples, mesh), places)
 
 
 def lay_unfolded_canvas(foundation: Foundation, points: Ints) -> tuple[Canvas, NDArray[np.bool_]]:

@@ -34,7 +34,7 @@ class Blend:
     points: sparse.csr_array
 
 
-def blend(network: Network, samples: BoundarySamples, mesh: Mesh) -> Blend:
+def solve_blend(network: Network, samples: BoundarySamples, mesh: Mesh) -> Blend:
     """Blend of the free vertices, solved for every cluster of connected free vertices on its own."""
     n_free = len(mesh.vertices) - mesh.first_free
     boundary, points = (sparse.csr_array((n_free, n)) for n in (int(samples.offsets[-1]), mesh.n_points))
@@ -153,12 +153,12 @@ class Geometry:
         return np.asarray(np.append(self.mesh.patch, nowhere)[self.triangle_at])
 
 
-def geometry(network: Network, samples: BoundarySamples, mesh: Mesh, control_points: Floats) -> Geometry:
+def lay_geometry(network: Network, samples: BoundarySamples, mesh: Mesh, control_points: Floats) -> Geometry:
     """Evaluate equation (1) for positions on `mesh`, that of the bare parameter domains.
 
     `control_points` `(c, 2)` are those of all curves.
     """
-    blended = blend(network, samples, mesh)
+    blended = solve_blend(network, samples, mesh)
     triangle_at = raster.triangle_at_pixel_centres(
         mesh.vertices, mesh.triangles, network.width, network.height
     )

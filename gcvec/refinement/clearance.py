@@ -12,7 +12,7 @@ CLEARANCE = 0.15
 """Control points keep this far from the edges of their parameter polygon, pixels."""
 
 
-def room(foundation: Foundation) -> NDArray[np.bool_]:
+def find_clear_pixels(foundation: Foundation) -> NDArray[np.bool_]:
     """Pixels `(h, w)` whose centres keep their distance from every polygon edge."""
     network, samples = foundation.network, foundation.samples
     ends = samples.domain[samples.edge_ends]

@@ -19,9 +19,9 @@ from gcvec import raster
 from gcvec.patches.canonical import Canvas, Foundation, lay_canvas
 from gcvec.patches.drawing import folded
 from gcvec.patches.mesh import Mesh, build_mesh, patch_mesh
-from gcvec.patches.patch import blend
+from gcvec.patches.patch import solve_blend
 from gcvec.raster.triangle import barycentric_at
-from gcvec.refinement.clearance import room
+from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.draft import Draft, by_rows, drafted
 from gcvec.refinement.scene import Scene, Step, Terms
 from gcvec.timing import StageClock
@@ -89,7 +89,7 @@ class _Refinement:
         self.truth = scene.pixels.reshape(-1, 3) / 255.0
         self.domain_pixel = domain_pixels(scene.foundation)
         self.patch_at = scene.foundation.geometry.patch_at()
-        self.usable = room(scene.foundation)
+        self.usable = find_clear_pixels(scene.foundation)
         self.points = np.zeros((0, 2), np.int64)
         self.of_region = np.zeros(0, np.int64)
         self.colors, self.wanted = np.zeros((0, 3)), np.zeros((0, 3))
@@ -171,7 +171,7 @@ def region_canvas(foundation: Foundation, mesh: Mesh, region: int) -> Canvas:
     """The part of the canonical mesh that belongs to one region, with that region's control points alone."""
     part, _ = patch_mesh(mesh, region)
     places = foundation.geometry.to_image(part.vertices[part.n_samples :])
-    return Canvas(foundation, part, blend(foundation.network, foundation.samples, part), places)
+    return Canvas(foundation, part, solve_blend(foundation.network, foundation.samples, part), places)
 
 
 def at_pixel_centres(canvas: Canvas) -> tuple[Ints, sparse.csr_array]:

@@ -42,7 +42,7 @@ MOST_POINTS = 0.2
 """Points a pixel, at most."""
 
 
-def seeds(
+def find_seeds(
     residual: NDArray[np.floating],
     target_mse: float,
     blocked: NDArray[np.bool_],

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from gcvec.colors.color_fit import ColorFit, color_fit
 from gcvec.colors.least_squares import solve, solve_bounded
 from gcvec.greedy import Shown, begin_placement
-from gcvec.greedy.seats import Seats, seats
+from gcvec.greedy.seats import Seats, find_seats
 from gcvec.patches.canonical import lay_unfolded_canvas
-from gcvec.refinement.clearance import room
+from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.scene import Scene, Start, Step, Terms
-from gcvec.refinement.seeding import seeds
+from gcvec.refinement.seeding import find_seeds
 from gcvec.timing import StageClock
 
 Floats = NDArray[np.float64]
@@ -158,7 +158,7 @@ class Refinement:
         self._clock = clock
         self._best: _Best | None = None
         self._area = self._areas()
-        self._blocked = ~room(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
+        self._blocked = ~find_clear_pixels(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
         self._iteration = start.rounds
         self._lay()
 
@@ -295,7 +295,7 @@ class Refinement:
     def _seats(self) -> Seats:
         taken = self._blocked.copy()
         taken[self.points[:, 1], self.points[:, 0]] = True
-        return seats(self.foundation, taken)
+        return find_seats(self.foundation, taken)
 
     def _room(self) -> Ints | None:
         """How many more points each patch may have; None: any number."""
@@ -339,7 +339,7 @@ class Refinement:
         `fair_aim`."""
         self._remember()
         with self._clock.stage("evaluation"):
-            new = seeds(
+            new = find_seeds(
                 self.residual.reshape(self._picture.shape),
                 fair_aim,
                 self._blocked,

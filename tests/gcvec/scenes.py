@@ -11,7 +11,7 @@ import shapely
 from scipy.spatial import KDTree
 
 from gcvec import Annotations, Options, Shape, VectorImage, vectorize
-from gcvec.borders.border import borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves.loops import network_loops
 from gcvec.curves.network import Curve, Network, straight_line
@@ -150,7 +150,7 @@ def foundation_of(scene: str, hard: bool = True) -> Foundation:
     """Curves, domains and S of a scene; every inner border hard, or soft."""
     labels = SCENES[scene].labels
     height, width = labels.shape
-    traced = borders(planar_graph(labels), width, height)
+    traced = sample_borders(planar_graph(labels), width, height)
     network = fitted_network(traced, traced, Quantization().grid)
     return lay_unfolded_foundation(network, np.array([hard and not c.on_frame for c in network.curves]))
 

@@ -8,7 +8,7 @@ import shapely
 
 from examples.scenes import balls
 from gcvec import Annotations
-from gcvec.borders.border import borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.localize import localized
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves import bspline
@@ -26,7 +26,7 @@ def network_of(pixels: np.ndarray, annotations: Annotations) -> Network:
     height, width = pixels.shape[:2]
     picture = pixels / 255.0
     labels = snap_borders(partition(annotations, width, height).labels, picture, 2.5)
-    return fitted_network(*localized(borders(planar_graph(labels), width, height), picture))
+    return fitted_network(*localized(sample_borders(planar_graph(labels), width, height), picture))
 
 
 @pytest.fixture(scope="module", params=[0, 1])

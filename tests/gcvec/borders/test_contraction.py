@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcvec.borders import contraction
-from gcvec.borders.border import Borders, borders
+from gcvec.borders.border import Borders, sample_borders
 from gcvec.borders.contraction import LEAST_SAMPLES, MOST_SAMPLES, SAME_PLACE, without_shortest
 from gcvec.borders.planar_graph import planar_graph
 from tests.gcvec.borders.walks import assert_whole
@@ -18,7 +18,7 @@ SIDE = 40
 
 def of_labels(labels: np.ndarray) -> Borders:
     height, width = labels.shape
-    return borders(planar_graph(labels), width, height)
+    return sample_borders(planar_graph(labels), width, height)
 
 
 def offset_cross(gap: int, above: int = SIDE // 2) -> Borders:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcvec.borders import corners as module
-from gcvec.borders.border import Borders, borders
+from gcvec.borders.border import Borders, sample_borders
 from gcvec.borders.chains import Chains
 from gcvec.borders.corners import (
     GAP,
@@ -107,7 +107,7 @@ def ring_and_cross() -> Borders:
     labels = np.zeros((40, 44), np.int32)
     labels[:20, 22:], labels[20:, :22], labels[20:, 22:] = 1, 2, 3
     labels[25:35, 28:38] = 4
-    return borders(planar_graph(labels), 44, 40)
+    return sample_borders(planar_graph(labels), 44, 40)
 
 
 def half_way(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -163,7 +163,7 @@ def test_corners_are_those_that_the_photo_shows(radius: float, expected: int) ->
         return np.asarray(np.hypot(*(np.maximum(w - 20 + radius, 0) for w in (u, v))) <= radius).astype(int)
 
     squares = Scene(72, 128, owner)
-    traced = borders(planar_graph(squares.labels), 128, 72)
+    traced = sample_borders(planar_graph(squares.labels), 128, 72)
     for found in localized(traced, squares.picture() / 255.0):
         assert_whole(found)
         inside = ((found.nodes > 0) & (found.nodes < [128, 72])).all(axis=1)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gcvec.borders.border import Borders, borders
+from gcvec.borders.border import Borders, sample_borders
 from gcvec.borders.chains import Chains
 from gcvec.borders.fairing import OVERLAP, STIFFNESS, faired
 from gcvec.borders.localize import (
@@ -139,7 +139,7 @@ def quartered() -> Borders:
     """Four regions, twelve pixels by ten, that meet in (5, 6)."""
     labels = np.zeros((10, 12), np.int32)
     labels[:6, 5:], labels[6:, :5], labels[6:, 5:] = 1, 2, 3
-    return borders(planar_graph(labels), 12, 10)
+    return sample_borders(planar_graph(labels), 12, 10)
 
 
 def test_nodes_on_the_frame_stay_on_their_side_of_it() -> None:
@@ -199,7 +199,7 @@ def test_normals_point_to_the_right() -> None:
 def test_where_borders_may_not_move_junctions_stay(scene: str) -> None:
     """Both are cut at the same corners, between the same regions."""
     made = SCENES[scene]
-    traced = borders(planar_graph(made.labels), made.width, made.height)
+    traced = sample_borders(planar_graph(made.labels), made.width, made.height)
     before, after = localized(traced, made.picture() / 255.0, 0.0)
     for a, b in zip(before.borders, after.borders, strict=True):
         assert (a.left, a.right, a.start, a.end) == (b.left, b.right, b.start, b.end)
@@ -211,7 +211,7 @@ def test_where_borders_may_not_move_junctions_stay(scene: str) -> None:
 def test_borders_of_a_sharp_disc_come_to_lie_on_it() -> None:
     """To a few hundredths of a pixel; the label map knows it to half a pixel."""
     disc = Scene(60, 64, lambda x, y: (np.hypot(x - 31.3, y - 29.8) < 20.4).astype(int))
-    traced = borders(planar_graph(disc.labels), 64, 60)
+    traced = sample_borders(planar_graph(disc.labels), 64, 60)
     before, after = localized(traced, disc.picture() / 255.0)
     circle = shapely.Point(31.3, 29.8).buffer(20.4, quad_segs=256).exterior
     off = [

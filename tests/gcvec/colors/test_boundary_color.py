@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 from skimage import filters
 
-from gcvec.borders.border import borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.planar_graph import OUTSIDE, planar_graph
 from gcvec.colors.boundary_color import (
     ColorSamples,
@@ -30,7 +30,7 @@ RED, BLUE = np.array([0.8, 0.2, 0.1]), np.array([0.1, 0.3, 0.9])
 
 
 def fitted(labels: np.ndarray) -> tuple[Network, ColorSamples]:
-    traced = borders(planar_graph(labels), labels.shape[1], labels.shape[0])
+    traced = sample_borders(planar_graph(labels), labels.shape[1], labels.shape[0])
     network = fitted_network(traced, traced, Quantization().grid)
     return network, color_samples(network)
 

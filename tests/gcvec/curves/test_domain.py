@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gcvec.borders.border import borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.localize import localized
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves import bspline
@@ -81,7 +81,7 @@ def test_any_label_map_ends_without_crossings(owners: np.ndarray) -> None:
     """Regions of a pixel, diagonal contacts, combs: worse than what slivers leave of real maps."""
     labels = connected_components(owners)
     height, width = labels.shape
-    traced = borders(planar_graph(labels), width, height)
+    traced = sample_borders(planar_graph(labels), width, height)
     assert_tiling(fitted_network(traced, traced, GRID))
     noise = np.random.default_rng(owners.sum()).uniform(0, 1, (height, width, 3))
     assert_tiling(fitted_network(*localized(traced, noise), GRID))
@@ -168,7 +168,7 @@ def test_closed_curves_have_at_least_three_edges() -> None:
 
 def test_network_of_a_disc_shares_one_curve() -> None:
     labels = SCENES["ring"].labels
-    traced = borders(planar_graph(labels), labels.shape[1], labels.shape[0])
+    traced = sample_borders(planar_graph(labels), labels.shape[1], labels.shape[0])
     network = fitted_network(traced, traced)
     inner = [c for c in network.curves if not c.on_frame]
     assert len(inner) == 2

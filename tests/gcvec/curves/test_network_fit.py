@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gcvec.borders.border import Borders, borders
+from gcvec.borders.border import Borders, sample_borders
 from gcvec.borders.chains import chains_of
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves.network_fit import (
@@ -29,7 +29,7 @@ SHIFT = 0.25
 @cache
 def traced() -> Borders:
     made = voronoi(120, 160, 12, 1)
-    return borders(planar_graph(made.labels), made.width, made.height)
+    return sample_borders(planar_graph(made.labels), made.width, made.height)
 
 
 @cache
@@ -170,7 +170,7 @@ def test_a_loop_that_has_turned_over_is_noticed() -> None:
 def test_curves_of_regions_a_pixel_wide_cross_nowhere() -> None:
     """They end as they were traced: through the nodes of the label map."""
     made = SCENES["stripes"]
-    found = borders(planar_graph(made.labels), made.width, made.height)
+    found = sample_borders(planar_graph(made.labels), made.width, made.height)
     network = fitted_network(found, found)
     assert len(network.curves) == len(found.borders)
     for curve, border in zip(network.curves, found.borders, strict=True):

@@ -8,10 +8,10 @@ import numpy as np
 
 from gcvec.colors.color_fit import ColorFit, color_fit
 from gcvec.greedy import Placement, Shown, begin_placement
-from gcvec.greedy.seats import seats
+from gcvec.greedy.seats import find_seats
 from gcvec.greedy.strip import TRIANGLES, VERTICES, Strip
 from gcvec.patches.canonical import Canvas, Foundation, lay_unfolded_canvas
-from gcvec.refinement.clearance import room
+from gcvec.refinement.clearance import find_clear_pixels
 from tests.gcvec.scenes import SCENES, foundation_of, some_points
 
 PULL = 0.1
@@ -48,11 +48,11 @@ def garden_on(
     photo = (picture / 255.0 * 0.6 + 0.2 + noise).reshape(-1, 3).astype(np.float32)
     fit = color_fit(canvas, canvas.coverage(canvas.unit[0]), photo)
     colors = rng.uniform(0.2, 0.8, (foundation.space.size + len(points), 3))
-    taken = ~room(foundation)
+    taken = ~find_clear_pixels(foundation)
     taken[points[:, 1], points[:, 0]] = True
     limit = None if left is None else np.full(len(foundation.network.loops), left)
     shown = Shown(canvas, points, fit.operator @ colors, fit.residual(colors, photo), photo)
-    placement = begin_placement(shown, seats(foundation, taken), limit, PULL, 0.4)
+    placement = begin_placement(shown, find_seats(foundation, taken), limit, PULL, 0.4)
     return Garden(foundation, points, canvas, fit, colors, photo, placement)
 
 

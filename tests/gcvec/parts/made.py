@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from gcvec.borders.border import borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.planar_graph import planar_graph
 from gcvec.curves.network_fit import fitted_network
 from gcvec.parts.division import part_of
@@ -21,7 +21,7 @@ from tests.gcvec.scenes import voronoi
 def wide() -> Foundation:
     """Larger than a cell, so that parts begin elsewhere than the picture; some borders soft."""
     made = voronoi(300, 700, 14, 3)
-    traced = borders(planar_graph(made.labels), made.width, made.height)
+    traced = sample_borders(planar_graph(made.labels), made.width, made.height)
     network = fitted_network(traced, traced, Quantization().grid)
     hard = np.array([not curve.on_frame and c % 3 > 0 for c, curve in enumerate(network.curves)])
     return lay_unfolded_foundation(network, hard)

@@ -15,7 +15,7 @@ from gcvec.patches.canonical import Foundation, lay_foundation
 from gcvec.patches.coons import coons
 from gcvec.patches.harmonic import cotangent_laplacian
 from gcvec.patches.mesh import Mesh, build_mesh
-from gcvec.patches.patch import blend
+from gcvec.patches.patch import solve_blend
 from tests.gcvec.scenes import SCENES, foundation_of, no_points, some_points
 
 
@@ -114,7 +114,7 @@ def straight_quadrants() -> Foundation:
 def test_straight_edges_make_the_identity(n_points: int) -> None:
     foundation = straight_quadrants()
     mesh = build_mesh(foundation.network, foundation.samples, some_points(foundation, n_points, 1))
-    weights = blend(foundation.network, foundation.samples, mesh)
+    weights = solve_blend(foundation.network, foundation.samples, mesh)
     free = mesh.vertices[mesh.first_free :]
     assert len(free) > 5
     points = mesh.vertices[mesh.n_samples : mesh.first_free]
@@ -128,7 +128,7 @@ def test_straight_edges_make_the_identity(n_points: int) -> None:
 @pytest.mark.parametrize("scene", ["ring", "quadrants"])
 def test_blend_weights_sum_to_one(scene: str, n_points: int) -> None:
     foundation, mesh = blended_mesh(scene, n_points)
-    weights = blend(foundation.network, foundation.samples, mesh)
+    weights = solve_blend(foundation.network, foundation.samples, mesh)
     total = weights.boundary.sum(axis=1) + weights.points.sum(axis=1)
     np.testing.assert_allclose(total, 1, atol=1e-9)
     assert weights.points.shape == (len(total), mesh.n_points)
@@ -139,7 +139,7 @@ def test_blend_solves_eq_1_with_the_harmonic_coordinates_of_the_whole_region() -
     """Solved in clusters of free vertices or in one piece: the same."""
     foundation, mesh = blended_mesh("ring", 5)
     network, samples = foundation.network, foundation.samples
-    weights = blend(network, samples, mesh)
+    weights = solve_blend(network, samples, mesh)
     ring = int(np.argmax([len(loops) * (k > 0) for k, loops in enumerate(network.loops)]))
     own = np.flatnonzero(mesh.patch == ring)
     assert len(network.loops[ring]) == 2

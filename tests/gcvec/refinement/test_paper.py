@@ -14,7 +14,7 @@ from gcvec.patches.canonical import Canvas, Foundation, lay_canvas
 from gcvec.patches.mesh import build_mesh
 from gcvec.quantization import Quantization
 from gcvec.refinement import paper
-from gcvec.refinement.clearance import room
+from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.paper import (
     WEIGHT,
     _Refinement,
@@ -135,7 +135,7 @@ def test_the_first_point_is_the_worst_pixel_that_can_be_one() -> None:
 
 def can_be_a_point(foundation: Foundation, place: np.ndarray, region: int) -> bool:
     x, y = place
-    if x < 0 or not room(foundation)[y, x] or foundation.geometry.patch_at()[y, x] != region:
+    if x < 0 or not find_clear_pixels(foundation)[y, x] or foundation.geometry.patch_at()[y, x] != region:
         return False
     return not turns_over(foundation, build_mesh(foundation.network, foundation.samples, place[None]))
 

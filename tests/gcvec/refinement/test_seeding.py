@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcvec.refinement import seeding
-from gcvec.refinement.seeding import seeds
+from gcvec.refinement.seeding import find_seeds
 
 SIZE = 96
 
@@ -15,7 +15,7 @@ def seeded(residual: np.ndarray, target_mse: float = 5.0, max_points: int = 0) -
     """Seeds of a grey picture on one patch."""
     everywhere = np.zeros(residual.shape, np.int64)
     picture = np.repeat(residual[..., None], 3, axis=2)
-    return seeds(picture, target_mse, np.zeros(residual.shape, bool), everywhere, max_points)
+    return find_seeds(picture, target_mse, np.zeros(residual.shape, bool), everywhere, max_points)
 
 
 def waves(length: float, amplitude: float = 0.2) -> np.ndarray:
@@ -44,11 +44,11 @@ def test_points_keep_out_of_blocked_pixels_and_within_the_bound_of_each_patch() 
     blocked = np.zeros((SIZE, SIZE), bool)
     blocked[:, ::2] = True
     patch_at = np.repeat(np.arange(4), SIZE // 4)[:, None] * np.ones(SIZE, np.int64)
-    points = seeds(residual, 5.0, blocked, patch_at, 0)
+    points = find_seeds(residual, 5.0, blocked, patch_at, 0)
     assert len(points) > 100
     assert not blocked[points[:, 1], points[:, 0]].any()
     assert (np.lexsort((points[:, 0], points[:, 1])) == np.arange(len(points))).all()
-    bounded = seeds(residual, 5.0, blocked, patch_at, 60)
+    bounded = find_seeds(residual, 5.0, blocked, patch_at, 60)
     count = np.bincount(patch_at[bounded[:, 1], bounded[:, 0]], minlength=4)
     assert count.max() <= 60
     assert count.min() >= 10
