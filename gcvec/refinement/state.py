@@ -127,7 +127,9 @@ class Refinement:
     residual  (pixels, 3) float32, what it lacks to that
     mse     its mean squared error (0-255 scale)
 
-    It is made with points and canvas; colours adapt, and errors are known, once it has begun.
+    It is made with points and canvas; colours adapt, and errors are known, once it has begun: in between it
+    can be told what to `compare_with`. `fit` and `residual`, which are large, are let go while points change:
+    between rounds, which end with `_update`, both are there.
     """
 
     fit: ColorFit
