@@ -17,6 +17,7 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 SHARES = 4
+"""Into so many `in_shares` cuts work, whatever the number of threads: results do not depend on that."""
 
 _usual = 0
 """Threads of this process; 0: one for every core."""

@@ -24,6 +24,8 @@ GAP = 1
 """Samples next to the corner that belong to no side: the photo's blur rounds them."""
 
 LEAST_TURN = np.deg2rad(30.0)
+"""Where a border turns by less it is not cut: one spline follows it."""
+
 SURE_ERROR, UNSURE_ERROR = 0.08, 0.25
 """Standard deviations of samples that the photo shows, and of those that only the label map knows, pixels."""
 

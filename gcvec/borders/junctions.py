@@ -14,13 +14,17 @@ FAR = 10.0
 """A border's direction at its end is that of its samples no further from the node, pixels."""
 
 SAMPLES = 14
+"""How many there are at most: 0.7 pixels apart, as on the steepest staircase, they reach `FAR`."""
+
 STIFFNESS = 3.0
 """Weight of the squared bend of the parabola through them over a border that reaches so far, against the
 squares of distances."""
 
-SWEEPS = 3
 OUTLIER = 0.3
-"""Samples that lie further off the parabola, pixels, lose their weight."""
+"""So far off the parabola, pixels, a sample counts half, and further off still less."""
+
+SWEEPS = 3
+"""So often the parabola is fitted, at first by trust alone, then without what lay off the one before."""
 
 INERTIA = 0.1
 """Weight of the squared way that a node moves, against the squared distance of one sure border."""

@@ -23,10 +23,12 @@ from gcvec.parallel import in_shares
 Floats = NDArray[np.float64]
 
 PASSES = 3
-"""So often before corners are looked for, and after."""
+"""So often before corners are looked for, and after. With two or five of them files of two photos differed by
+no more than half a percent."""
 
 LARGEST_SHIFT = 1.5
-"""The photo moves no sample further than this, pixels, unless the caller asks for less."""
+"""The photo moves no sample further than this, pixels, unless the caller asks for less: a step further off
+would lie in what is taken for a side's own colour (`profile.FLANK`)."""
 
 LEAST_TRUST = 0.001
 """What a sample counts that only the label map knows: there waves of a few samples vanish."""
@@ -38,6 +40,7 @@ REMOTE = 6.0
 """Nodes further than this from each other cannot change places, pixels."""
 
 NEIGHBOURS = 5
+"""Samples either way that lend their trust to those between and beside them."""
 
 SHADING = 6
 """Samples either way that tell how the sides' shading moves a step."""

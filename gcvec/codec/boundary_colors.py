@@ -16,11 +16,15 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _FEATURES = 6
+"""Of the linear model that predicts a colour."""
+
 _SIZE_CONTEXTS, _SIGN_CONTEXTS, _CONTEXT_SIZE = 4, 2, 256
 _AXIS_COUNTERS = (_SIZE_CONTEXTS + _SIGN_CONTEXTS) * _CONTEXT_SIZE * NODES
 BOUNDARY_COUNTERS, BOUNDARY_ROWS, BOUNDARY_INPUTS = 3 * _AXIS_COUNTERS, 3 * NODES, _SIZE_CONTEXTS
 
 _UNKNOWN_STEP = 8
+"""What a curve's colours are taken to differ by, in steps, before any of it is known. Like all numbers of the
+coder it is part of the format: another makes other files."""
 
 
 @kernel

@@ -33,7 +33,11 @@ INPUTS = 8
 """Contexts of one decision at most."""
 
 _LIMIT = 255
+"""Decisions that a counter counts: from there on it follows the latest at one rate."""
+
 _LEARNING = 2
+"""Of the weights, per error. It is part of the format, as are all numbers here: others make other files."""
+
 _FIRST_WEIGHTS = 72_000
 """What the weights of a decision's contexts add up to at first, in 2^-16: a little over one, since each of
 them alone is too careful."""

@@ -26,6 +26,8 @@ Ints = NDArray[np.int64]
 
 _REACH = 48
 _NEIGHBORS = 6
+"""A colour is predicted from so many points that are known, the nearest, no further away than this, pixels.
+All these numbers are part of the format: others make other files."""
 
 _RANGE = 20.0
 _NUGGET = 0.02
@@ -39,8 +41,10 @@ _BASE_WEIGHT = 455
 """Weight of no difference at all among neighbours, whose own is 2^16 over their square distance."""
 
 _UNKNOWN_ACTIVITY = 16
+"""How much colours are taken to change nearby where no neighbour is known yet."""
 
 _DENSE_REACH = 3
+"""Points within so many rows and columns tell how dense they are."""
 
 _BLOCK_BITS = 5
 """Blocks of 32 x 32 pixels are told apart, as far as there are contexts for them."""

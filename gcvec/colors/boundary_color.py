@@ -22,12 +22,14 @@ Ints = NDArray[np.int64]
 GRADIENT_THRESHOLD = 0.02
 DIFFERENCE_THRESHOLD = 0.04
 """An edge is hard where gradient strength G_e and colour difference D_e (both for colours in [0, 1]) exceed
-these."""
+these: 5 and 10 levels of 255. The paper leaves them open. With half of them files of two photos were 1 %
+larger at the same error, with twice 2 % smaller."""
 
 SMOOTHNESS = 0.02
 """Weight of the second differences of colour control points along a curve, against one sample."""
 
 SAMPLE_SPACING = 1.0
+"""Pixels from sample to sample along a curve, about: more would show the same pixels again."""
 
 OFFSETS = (0.5, 1.0, 1.5, 2.0)
 """How far off a curve its own side's colour is looked for, pixels."""

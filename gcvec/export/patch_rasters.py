@@ -31,6 +31,7 @@ TOLERANCE, TOLERANCE_THERE = 0.6 / 255, 3 / 255
 square of `WINDOW` samples, lest what little detail a large smooth patch has be blurred."""
 
 WINDOW = 64
+"""Samples a side of those squares."""
 
 MARGIN = 2
 """Samples beyond the patch on every side, for readers to interpolate with."""

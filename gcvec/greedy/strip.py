@@ -34,6 +34,7 @@ ENTRIES_A_PIXEL, ENOUGH_ENTRIES = 2, 3_000_000
 are closed in time."""
 
 NOBODY = -1
+"""In place of a neighbour where the strip has none, and of the first corner of an unused triangle."""
 
 TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP, FULL = range(6)
 

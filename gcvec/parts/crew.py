@@ -26,7 +26,7 @@ FIRST_GOAL = 1.5
 no part has then more points than it will need."""
 
 USUAL_ENERGY = 0.5
-"""Of colours in a pixel."""
+"""Of colours in a pixel (`Refinement.energy`), until parts tell theirs."""
 
 SHARED_ERROR = 3.0
 """In pixels that parts share the mean error comes to about this many times that of the picture: it is larger

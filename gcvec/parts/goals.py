@@ -22,6 +22,7 @@ POWERS = 0.4, 2.0
 """k, until a part has grown by the factor `TELLING`, and its bounds."""
 
 TELLING = 1.5
+"""k is learnt from numbers of points that differ by this factor at least."""
 
 RANGE = 20.0
 """The logarithm of the common price is sought this far beyond those of the parts' prices."""

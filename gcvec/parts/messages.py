@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 VERSION = 2
+"""Of the messages: those of another are not read."""
 
 _DAMAGES = (
     ValueError,

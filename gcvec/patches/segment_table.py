@@ -12,6 +12,7 @@ from gcvec.kernels import bare_kernel, kernel
 Ints = NDArray[np.int64]
 
 NO_SEGMENT = -1
+"""Of two vertices that no segment joins."""
 
 
 class SegmentTable(NamedTuple):

@@ -18,6 +18,7 @@ AROUND = 3
 """Vertices that the library begins with: the corners of a triangle around everything."""
 
 NO_PATCH = -2
+"""Of a triangle that no patch has reached yet."""
 
 
 def constrained_delaunay(vertices: Floats, segments: Ints) -> tuple[Ints, Ints]:

@@ -23,6 +23,7 @@ WORTH = 1.02
 """Steps that are larger by less than this factor are not worth making another file."""
 
 MOST_FILES = 4
+"""A bound on the time: each file costs a coding, and a drawing of what a decoder sees."""
 
 
 def landed(

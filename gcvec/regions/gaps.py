@@ -10,6 +10,7 @@ from gcvec.kernels import kernel
 from gcvec.morphology import Mask, dilated, dilated_by_square, eroded
 
 UNCOVERED = -1
+"""The owner of pixels that no shape covers."""
 
 _REACH = 4
 """A gap pixel takes the nearest owner within this distance, pixels."""

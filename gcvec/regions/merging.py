@@ -25,6 +25,7 @@ _BATCH = 20
 """Of this many regions one is merged before the borders are weighed again."""
 
 _SLIVERS_FIRST = 1e3
+"""Taken from the gain of a sliver's border: more than any border is worth, so slivers merge before others."""
 
 _LIGHT, _OVERLOAD = 0.1, 1.3
 """Regions with no more than this share of the load that a group may have join even one that is full, up to so
