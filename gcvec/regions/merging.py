@@ -78,7 +78,8 @@ def merged(
     ends when every border left is worth what it costs or, with `regions` > 0, when no more than that many
     groups are left; the latter goes on past the former and ends short of it. The former goes on, too, while
     there are more than `most_border` cracks of border. Groups whose `load (n,)` would come to more than
-    `most_load` stay apart.
+    `most_load` stay apart; a small region that belongs to a full group joins it at the end, rather than
+    another across an edge.
     """
     groups = np.arange(len(areas))
     load = np.zeros(len(areas)) if load is None else load
@@ -87,18 +88,26 @@ def merged(
         smaller, gain = border_gains(first, second, graph.length, graph.energy, graph.step, areas)
         loads = np.stack([load[first], load[second]])
         allowed = np.where(loads.min(axis=0) <= _LIGHT * most_load, _OVERLOAD, 1) * most_load
-        too_much = loads.sum(axis=0) > allowed
-        gain[too_much & (areas[smaller] >= SLIVER_AREA)] = np.inf
-        chosen = weakest_of_smaller(first, second, smaller, gain, len(areas))
+        full = (loads.sum(axis=0) > allowed) & (areas[smaller] >= SLIVER_AREA)
+        detour = _detours(smaller, gain, full, areas)
+        shut = np.where(full | detour, np.inf, gain)
+        chosen = weakest_of_smaller(first, second, smaller, shut, len(areas))
         most = max(len(areas) // _BATCH, 1)
         if not regions:
             worthless = 0.0 if graph.length.sum() <= most_border else np.inf
-            chosen = chosen[gain[chosen] < worthless]
+            chosen = chosen[shut[chosen] < worthless]
+            if not len(chosen):
+                # Those left over between full groups and edges: they are small.
+                lost = np.zeros(len(areas), np.bool_)
+                lost[smaller[detour]] = True
+                shut = np.where(lost[smaller], gain, np.inf)
+                chosen = weakest_of_smaller(first, second, smaller, shut, len(areas))
+                chosen = chosen[shut[chosen] < worthless]
         elif len(areas) > regions:
             most = min(most, len(areas) - regions)
         else:
             chosen = chosen[areas[smaller[chosen]] < SLIVER_AREA]
-        chosen = _smallest(gain, chosen, most)
+        chosen = _smallest(shut, chosen, most)
         if not len(chosen):
             break
         joined = united(first[chosen], second[chosen], len(areas))
@@ -108,6 +117,17 @@ def merged(
         columns = summed(joined[first], joined[second], graph.length, graph.energy, graph.step, len(areas))
         graph = AdjacencyGraph(*columns)
     return groups
+
+
+def _detours(
+    smaller: NDArray[np.int64], gain: NDArray[np.float64], full: NDArray[np.bool_], areas: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """The borders that would pay twice but for the area of the smaller region, where the weakest border of
+    that leads into a full group."""
+    weakest = np.full(len(areas), np.inf)
+    np.minimum.at(weakest, smaller[full], gain[full])
+    pays = gain + _REGION_COST / areas[smaller] > 1
+    return pays & ~full & (gain > weakest[smaller])
 
 
 @kernel

@@ -113,3 +113,13 @@ def test_no_more_border_is_left_than_wanted() -> None:
     graph = adjacency_graph(origin, target, clear)
     for most, groups in ((90, [0, 1, 2, 3]), (89, [0, 1, 1, 2]), (59, [0, 1, 1, 1]), (0, [0, 0, 0, 0])):
         assert merged(graph, np.array([900] * 4), most_border=most).tolist() == groups
+
+
+def test_what_belongs_to_a_full_group_does_not_cross_an_edge() -> None:
+    """A crumb, 20 px², with no step towards a group that is full, and an edge towards one that is not."""
+    origin, target = np.repeat([0, 1, 0], [8, 8, 30]), np.repeat([1, 2, 2], [8, 8, 30])
+    step = np.repeat([[0.01] * 3, [2.0] * 3, [2.0] * 3], [8, 8, 30], axis=0)
+    graph, areas = adjacency_graph(origin, target, step), np.array([9000, 20, 900])
+    assert merged(graph, areas).tolist() == [0, 0, 1]
+    load = np.array([50.0, 1.0, 5.0])
+    assert merged(graph, areas, load=load, most_load=20.0).tolist() == [0, 0, 1]
