@@ -87,10 +87,10 @@ def _vectorized(
         try:
             found = _drawn(pixels, regions, _reach(annotations, options), options, crew, clock, tell)
             break
-        except InputError:
+        except InputError as error:
             # Before a picture is divided, what its borders will take is but an estimate.
             fewer = int(len(regions.names) * FEWER)
-            if not may_be_fewer or not fewer:
+            if error.pointer != "target_bytes" or not may_be_fewer or not fewer:
                 raise
         with clock.stage("regions"):
             regions = automatic_regions(pixels, replace(options, regions=fewer))
