@@ -39,14 +39,14 @@ def automatic_regions(pixels: NDArray[np.uint8], options: Options) -> Partition:
         return _regions_for_bytes(pixels, options.target_bytes, options.max_points)
     if not options.max_points:
         return segment(pixels, 0, CLEAR_STEP)
-    need = _need(pixels, options.target_mse)
+    need = needed_points(pixels, options.target_mse)
     return segment(pixels, 0, CLEAR_STEP, need, _most(need, options.max_points))
 
 
 def _regions_for_bytes(pixels: NDArray[np.uint8], target_bytes: int, max_points: int) -> Partition:
     """Of a flat picture all regions whose borders fit; of any other those within the clearest borders, the
     clearer the fewer bytes there are."""
-    need = _need(pixels, USUAL_MSE)
+    need = needed_points(pixels, USUAL_MSE)
     step, border, left = CLEAR_STEP, np.inf, float(target_bytes)
     found = segment(pixels, 0, step)
     if _error_of_means(pixels, found.labels) < FLAT_MSE:
@@ -58,7 +58,8 @@ def _regions_for_bytes(pixels: NDArray[np.uint8], target_bytes: int, max_points:
     return segment(pixels, 0, step, need, _most(need, max_points), border)
 
 
-def _need(pixels: NDArray[np.uint8], target_mse: float) -> NDArray[np.float64]:
+def needed_points(pixels: NDArray[np.uint8], target_mse: float) -> NDArray[np.float64]:
+    """`expected_points` of pixels `(h, w, 3) uint8`."""
     return expected_points(np.divide(pixels, np.float32(255)), target_mse)
 
 

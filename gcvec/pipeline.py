@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.annotations import Annotations, check_size
-from gcvec.automatic_regions import automatic_regions
+from gcvec.automatic_regions import automatic_regions, needed_points
 from gcvec.borders.border import sample_borders
 from gcvec.borders.localize import LARGEST_SHIFT, localized
 from gcvec.borders.planar_graph import planar_graph
@@ -28,7 +28,6 @@ from gcvec.progress import BEFORE_RUNS, OnProgress, Teller
 from gcvec.quantization import Quantization
 from gcvec.refinement.batch import exchanges, refine_batch
 from gcvec.refinement.scene import Scene, Terms
-from gcvec.refinement.seeding import expected_points
 from gcvec.refinement.to_bytes import CLOSE, USUAL_MSE, likely_mse, refine_to_bytes
 from gcvec.regions.partition import Partition, partition
 from gcvec.regions.snap import snap_borders
@@ -129,7 +128,7 @@ def _drawn(
 
     if not options.target_bytes:
         return run(options.target_mse)
-    need = expected_points(np.divide(pixels, np.float32(255)), USUAL_MSE)
+    need = needed_points(pixels, USUAL_MSE)
     first_mse = likely_mse(float(need.sum()), options.target_bytes)
     return refine_to_bytes(run, options.target_bytes, first_mse)
 

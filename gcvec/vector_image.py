@@ -86,7 +86,7 @@ class VectorImage:
         """The canonical mesh."""
         return lay_canvas(self.foundation, self.points)
 
-    @property
+    @cached_property
     def colors(self) -> Floats:
         """All unknown colours `(b + n, 3)`, as they are drawn: at most `OVERSHOOT` beyond [0, 1]."""
         colors = np.concatenate([self.boundary_colors, self.point_colors])
