@@ -156,7 +156,7 @@ def _scene(
     tell.stage("boundary", 0.05)
     with clock.stage("boundary"):
         traced = sample_borders(planar_graph(regions.labels), width, height)
-        network = fitted_network(*localized(traced, picture, reach))
+        network = fitted_network(*localized(traced, regions.labels, picture, reach))
         samples = color_samples(network)
         hard = hard_edges(network, samples, picture, regions.labels)
     tell.stage("mesh", BEFORE_RUNS)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.borders.border import Border, Borders, with_nodes_in_order
-from gcvec.borders.chains import Chains, chains_of
-from gcvec.borders.planar_graph import Loop
+from gcvec.borders.chains import Chains
+from gcvec.borders.line_fit import fit_line
 from gcvec.borders.profile import step_shifts
 from gcvec.kernels import kernel
 
@@ -36,31 +34,19 @@ BLUR, ROUNDING = 0.8, 0.45
 LEAST_GAIN = 3.0
 """A smooth arc must leave so many times the squared distance that two sides leave."""
 
-
-def cut_at_corners(traced: Borders, placed: Borders, picture: Floats) -> tuple[Borders, Borders]:
-    """Both with their borders cut, between the same samples, where `placed` turns corners that the picture
-    shows sharp.
-
-    The new nodes lie on the lattice in the first, between their neighbours in the second.
-    """
-    chains = chains_of(placed)
-    cuts = _cuts(chains, placed, picture)
-    return _cut(traced, cuts, _lattice_point), _cut(placed, cuts, lambda a, b: (a + b) / 2)
+FARTHEST = 1.0
+"""A corner lies where its sides meet, unless that is so far from the border, pixels."""
 
 
-def _cuts(chains: Chains, placed: Borders, picture: Floats) -> dict[int, list[int]]:
-    """For every border with corners, the samples after which they come, in order."""
-    points = chains.joined([b.samples for b in placed.borders])
-    trust = chains.joined([b.trust[:, None] for b in placed.borders])[:, 0]
-    cuts: dict[int, list[int]] = {}
-    for k in corners(chains, points, trust, picture):
-        chain = chains.of_sample[k]
-        cuts.setdefault(int(chains.which[chain]), []).append(int(k - chains.offsets[chain]))
-    return cuts
+class Corners(NamedTuple):
+    """Samples between which and the next a border turns, `(n,)`, and the corners' places, `(n, 2)`."""
+
+    after: Ints
+    places: Floats
 
 
-def corners(chains: Chains, points: Floats, trust: Floats, picture: Floats) -> Ints:
-    """Samples between which and the next a chain turns a corner."""
+def corners(chains: Chains, points: Floats, trust: Floats, picture: Floats) -> Corners:
+    """The corners of the chains through `points` `(n, 2)`, each of them known by `trust` `(n,)`."""
     best, apex, inward = np.zeros(len(points)), np.zeros((len(points), 2)), np.zeros((len(points), 2))
     for side in SIDES:
         gain, own_apex, own_inward = corner_gains(points, trust, chains.offsets, chains.closed, side)
@@ -75,7 +61,27 @@ def corners(chains: Chains, points: Floats, trust: Floats, picture: Floats) -> I
             rival = np.where(there, best[other], 0)
             sharpest &= (best > rival) if steps < 0 else (best >= rival)
     found = np.flatnonzero(sharpest)
-    return found[~_blunt(apex[found], inward[found], picture)]
+    found = found[~_blunt(apex[found], inward[found], picture)]
+    return _at_apexes(chains, points, found, apex[found])
+
+
+def _at_apexes(chains: Chains, points: Floats, found: Ints, apex: Floats) -> Corners:
+    """The corners found near some samples, where the chains come nearest to their apexes `(n, 2)`.
+
+    Seen from a few samples off, with more of one side than of the other, a corner is even less like a
+    parabola.
+    """
+    following, there = chains.along(1)
+    between = there & ~chains.at_node & ~chains.at_node[following]
+    middle = (points + points[following]) / 2
+    steps = range(-SIDES[0], SIDES[0] + 1)
+    near = np.stack([chains.along(k)[0][found] for k in steps])
+    reached = np.stack([chains.along(k)[1][found] for k in steps])
+    away = np.hypot(*np.moveaxis(middle[near] - apex, -1, 0))
+    nearest = np.argmin(np.where(reached & between[near], away, np.inf), axis=0)
+    after, first = np.unique(near[nearest, np.arange(len(found))], return_index=True)
+    meet = np.hypot(*(apex[first] - middle[after]).T) < FARTHEST
+    return Corners(after, np.where(meet[:, None], apex[first], middle[after]))
 
 
 def _blunt(apex: Floats, inward: Floats, picture: Floats) -> NDArray[np.bool_]:
@@ -84,7 +90,8 @@ def _blunt(apex: Floats, inward: Floats, picture: Floats) -> NDArray[np.bool_]:
     `inward` `(n, 2)` halves the angle; its length is the sine of half that angle.
     """
     sine = np.hypot(*inward.T)
-    depth, trust, _ = step_shifts(picture, apex, inward / np.maximum(sine, 1e-12)[:, None])
+    broad = np.zeros((len(apex), 2), bool)
+    depth, trust, _ = step_shifts(picture, apex, inward / np.maximum(sine, 1e-12)[:, None], broad)
     sharp = BLUR * (1 / np.maximum(sine, 0.2) - 1)
     # No depth is no evidence: it compares as false.
     return np.asarray((trust > 0.5) & (depth > sharp + ROUNDING))
@@ -115,7 +122,7 @@ def corner_gains(points, trust, offsets, closed, side):
                 before, after = first + (k - reach + 1 + i) % size, first + (k + GAP + 1 + i) % size
                 near[i], near[side + i] = points[before], points[after]
                 sure += (trust[before] + trust[after]) / (2 * side)
-            lines = _line(near[:side], u, middle) + _line(near[side:], v, other_middle)
+            lines = fit_line(near[:side], u, middle) + fit_line(near[side:], v, other_middle)
             cosine = min(max(u[0] * v[0] + u[1] * v[1], -1.0), 1.0)
             error = 2 * side * (sure * SURE_ERROR**2 + (1 - sure) * UNSURE_ERROR**2)
             if cosine > np.cos(LEAST_TURN) or lines > 4 * error:
@@ -132,26 +139,6 @@ def corner_gains(points, trust, offsets, closed, side):
                 apexes[j, c] = middle[c] + along * u[c]
                 inward[j, c] = (v[c] - u[c]) * half / length
     return gains, apexes, inward
-
-
-@kernel
-def _line(points, direction, middle):
-    """The line through points `(k, 2)`: fills its direction and a point on it; returns the squared distances
-    left."""
-    k = len(points)
-    middle[0], middle[1] = points[:, 0].mean(), points[:, 1].mean()
-    xx, xy, yy = 0.0, 0.0, 0.0
-    for i in range(k):
-        x, y = points[i, 0] - middle[0], points[i, 1] - middle[1]
-        xx += x * x
-        xy += x * y
-        yy += y * y
-    angle = np.arctan2(2 * xy, xx - yy) / 2
-    dx, dy = np.cos(angle), np.sin(angle)
-    if dx * (points[k - 1, 0] - points[0, 0]) + dy * (points[k - 1, 1] - points[0, 1]) < 0:
-        dx, dy = -dx, -dy
-    direction[0], direction[1] = dx, dy
-    return max((xx + yy - np.hypot(xx - yy, 2 * xy)) / 2, 0.0)
 
 
 @kernel
@@ -184,57 +171,3 @@ def _left_by_parabola(points):
     for i in range(k):
         left += (d[i] - slope / square * s[i] - along / energy * q[i]) ** 2
     return left
-
-
-def _lattice_point(a: Floats, b: Floats) -> Floats:
-    """The lattice point between two consecutive cracks' mid-points."""
-    return np.where(a == np.round(a), a, np.where(b == np.round(b), b, (a + b) / 2))
-
-
-def _cut(found: Borders, cuts: dict[int, list[int]], place: Callable[[Floats, Floats], Floats]) -> Borders:
-    nodes = list(found.nodes)
-    pieces: list[Border] = []
-    pieces_of: list[list[int]] = []
-    for k, border in enumerate(found.borders):
-        own = _pieces(border, cuts.get(k, []), nodes, place)
-        pieces_of.append(list(range(len(pieces), len(pieces) + len(own))))
-        pieces += own
-
-    def walked(loop: Loop) -> Loop:
-        return tuple((c, fwd) for a, fwd in loop for c in (pieces_of[a] if fwd else pieces_of[a][::-1]))
-
-    loops = tuple(tuple(walked(loop) for loop in region) for region in found.loops)
-    return with_nodes_in_order(replace(found, nodes=np.array(nodes), borders=tuple(pieces), loops=loops))
-
-
-def _pieces(
-    border: Border, cuts: list[int], nodes: list[Floats], place: Callable[[Floats, Floats], Floats]
-) -> list[Border]:
-    """A border cut after some of its samples; new nodes are appended to `nodes`."""
-    if not cuts:
-        return [border]
-    samples, trust = border.samples, border.trust
-    corner = [place(samples[k], samples[k + 1]) for k in cuts]
-    numbers = list(range(len(nodes), len(nodes) + len(corner)))
-    nodes += corner
-    if border.closed:
-        # Walk from the first corner once around to it.
-        samples = np.concatenate([samples[cuts[0] + 1 : -1], samples[: cuts[0] + 1]])
-        trust = np.concatenate([trust[cuts[0] + 1 : -1], trust[: cuts[0] + 1]])
-        stops = [0, *(k - cuts[0] for k in cuts[1:]), len(samples)]
-        numbers.append(numbers[0])
-    else:
-        samples, trust = samples[1:-1], trust[1:-1]
-        stops = [0, *cuts, len(samples)]
-        numbers = [border.start, *numbers, border.end]
-    return [
-        Border(
-            np.concatenate([[nodes[a]], samples[first:last], [nodes[b]]]),
-            np.concatenate([[0.0], trust[first:last], [0.0]]),
-            border.left,
-            border.right,
-            a,
-            b,
-        )
-        for a, b, first, last in zip(numbers[:-1], numbers[1:], stops[:-1], stops[1:], strict=True)
-    ]

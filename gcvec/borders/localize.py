@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gcvec.borders.border import Borders
 from gcvec.borders.chains import Chains, chains_of
 from gcvec.borders.contraction import without_shortest
-from gcvec.borders.corners import cut_at_corners
+from gcvec.borders.cutting import cut_at_corners
 from gcvec.borders.fairing import faired
 from gcvec.borders.junctions import meeting_points
 from gcvec.borders.profile import step_shifts
@@ -32,6 +32,9 @@ would lie in what is taken for a side's own colour (`profile.FLANK`)."""
 
 LEAST_TRUST = 0.001
 """What a sample counts that only the label map knows: there waves of a few samples vanish."""
+
+BROAD = 4.0
+"""A region that ends within so many pixels of a border is thin there: it may show no flank of its own."""
 
 NODE_SHIFT = 1.25
 """A node may move so many times further, twice: label maps round corners off."""
@@ -56,22 +59,28 @@ CORNER_BLUR, JUNCTION_BLUR = 2.0, 3.0
 
 
 def localized(
-    traced: Borders, picture: Floats, largest_shift: float = LARGEST_SHIFT
+    traced: Borders, labels: NDArray[np.int32], picture: Floats, largest_shift: float = LARGEST_SHIFT
 ) -> tuple[Borders, Borders]:
     """The traced borders, cut at real corners, and the same on the photo's steps.
 
-    `picture` is `(h, w, 3)` in [0, 1]. It moves no sample further than `largest_shift` pixels; what smooths
-    the staircases of the label map comes on top, and nodes may move further (`NODE_SHIFT`).
+    `labels` `(h, w)` are those that were traced; `picture` is `(h, w, 3)` in [0, 1]. It moves no sample
+    further than `largest_shift` pixels; what smooths the staircases of the label map comes on top, and nodes
+    may move further (`NODE_SHIFT`).
     """
     if all(border.on_frame for border in traced.borders):
         return traced, traced
-    placed = _on_steps(traced, traced, picture, largest_shift, np.full(len(traced.nodes), np.inf))
-    traced, placed = cut_at_corners(*without_shortest(traced, placed), picture)
-    return traced, _on_steps(traced, placed, picture, largest_shift, _clearance(placed.nodes))
+    placed = _on_steps(traced, traced, labels, picture, largest_shift, np.full(len(traced.nodes), np.inf))
+    traced, placed = cut_at_corners(*without_shortest(traced, placed), picture, largest_shift)
+    return traced, _on_steps(traced, placed, labels, picture, largest_shift, _clearance(placed.nodes))
 
 
 def _on_steps(
-    traced: Borders, placed: Borders, picture: Floats, largest_shift: float, clearance: Floats
+    traced: Borders,
+    placed: Borders,
+    labels: NDArray[np.int32],
+    picture: Floats,
+    largest_shift: float,
+    clearance: Floats,
 ) -> Borders:
     """The `placed` borders moved, no further than allowed from where they were `traced`."""
     chains = chains_of(traced)
@@ -79,10 +88,12 @@ def _on_steps(
     points = chains.joined([border.samples for border in placed.borders])
     nodes, trust = placed.nodes, np.zeros(len(points))
     farthest = np.minimum(NODE_SHIFT * largest_shift, clearance)
+    sides = np.array([(b.left, b.right) for b in placed.borders])[chains.which[chains.of_sample]]
     blur = np.where(_ends_at_nodes(placed) > 2, JUNCTION_BLUR, CORNER_BLUR)
     for _ in range(PASSES):
         normals = _normals(chains, points)
-        shift, trust = _steps(chains, picture, points, normals)
+        thin = _beside_thin(labels, sides, points, normals)
+        shift, trust = _steps(chains, picture, points, normals, thin)
         clear = _clear_of_nodes(chains, points, nodes, blur)
         seen = np.where(np.isnan(shift)[:, None], origin, points + shift[:, None] * normals)
         weight = np.maximum(trust, LEAST_TRUST) * clear**2
@@ -96,14 +107,30 @@ def _on_steps(
     return chains.put_back(placed, nodes, points, _spread(trust, chains.offsets, chains.closed))
 
 
-def _steps(chains: Chains, picture: Floats, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
+@kernel
+def _beside_thin(labels, sides, points, normals):
+    """Which of the regions to the left and to the right of each point, `sides` `(n, 2)`, are thin there."""
+    height, width = labels.shape
+    thin = np.zeros(sides.shape, np.bool_)
+    for i in range(len(points)):
+        for side in range(2):
+            away = BROAD * (2 * side - 1)
+            x = min(max(int(np.floor(points[i, 0] + away * normals[i, 0])), 0), width - 1)
+            y = min(max(int(np.floor(points[i, 1] + away * normals[i, 1])), 0), height - 1)
+            thin[i, side] = labels[y, x] != sides[i, side]
+    return thin
+
+
+def _steps(
+    chains: Chains, picture: Floats, points: Floats, normals: Floats, thin: NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
     """How far along its normal `(n, 2)` each point is from the step, NaN where that cannot be told, and how
     surely there is one.
 
     Shading of the sides draws steps to where the sides are more alike; it varies slowly along a border, and
     what it does is told from many samples.
     """
-    shares = in_shares(lambda a, b: step_shifts(picture, points[a:b], normals[a:b]), len(points))
+    shares = in_shares(lambda a, b: step_shifts(picture, points[a:b], normals[a:b], thin[a:b]), len(points))
     shift, trust, shaded = (np.concatenate(parts) for parts in zip(*shares, strict=True))
     return shift + _running_median(shaded, chains.offsets, chains.closed), trust
 

@@ -30,6 +30,10 @@ shading."""
 UNEVEN = 0.3
 """What a sample counts where uneven sides hide where between two pixel centres the step lies."""
 
+BEYOND = 3.5
+"""So far off the line, pixels, the colour beside a thin side must have turned back: else the blur of its
+other border does not reach the flank."""
+
 _PER_SIDE, _FLANK = round(REACH / SPACING), round(FLANK / SPACING)
 
 
@@ -85,7 +89,7 @@ def _sides(profile, sloped, low, low_slope, high, high_slope):
 
 
 @kernel
-def _thin(profile, low, high, spread):
+def _is_line(profile, low, high, spread):
     """Whether between even sides of one colour there is something of another: a line too thin for its borders
     to be told apart."""
     largest = 0.0
@@ -129,17 +133,97 @@ def _shaded_step(profile, low, low_slope, high, high_slope):
 
 
 @kernel
+def _turns_back(picture, point, normal, low, high):
+    """Whether `BEYOND` one side the colour is nearer to the other side's."""
+    color = np.empty(3)
+    for sign in (-1, 1):
+        color_at(picture, point[0] + sign * BEYOND * normal[0], point[1] + sign * BEYOND * normal[1], color)
+        own = 0.0
+        for c in range(3):
+            own += sign * (color[c] - (low[c] + high[c]) / 2) * (high[c] - low[c])
+        if own < 0:
+            return True
+    return False
+
+
+@kernel
+def _stands_out(profile, low, high):
+    """Whether between the flanks there is a colour further from both than they are from each other."""
+    step = _square(low, high)
+    for k in range(_PER_SIDE - _FLANK, _PER_SIDE + _FLANK + 1):
+        if min(_square(profile[k], low), _square(profile[k], high)) > step:
+            return True
+    return False
+
+
+@kernel
+def _thin_step(profile, low, high, thin):
+    """Where the step is between the colours of two sides of which one, or both, are `thin` `(2,)`.
+
+    A side too thin for a flank shows most of its own colour half-way through it. So far its profile is that
+    of a step, and the integral of its share tells where.
+    """
+    if thin[0] and thin[1]:
+        first, last = _furthest_pair(profile)
+    elif thin[0]:
+        first = _furthest(profile, high, 0, _PER_SIDE)
+        last = _furthest(profile, profile[first], _PER_SIDE + 1, 2 * _PER_SIDE + 1)
+    else:
+        last = _furthest(profile, low, _PER_SIDE + 1, 2 * _PER_SIDE + 1)
+        first = _furthest(profile, profile[last], 0, _PER_SIDE)
+    beyond, step = 0.0, 1e-12
+    for c in range(3):
+        step += (profile[last, c] - profile[first, c]) ** 2
+    for k in range(first, last + 1):
+        share = 0.0
+        for c in range(3):
+            share += (profile[k, c] - profile[first, c]) * (profile[last, c] - profile[first, c])
+        weight = SPACING / 2 if k in (first, last) else SPACING
+        beyond += min(max(share / step, 0.0), 1.0) * weight
+    return (last - _PER_SIDE) * SPACING - beyond
+
+
+@kernel
+def _furthest_pair(profile):
+    """The samples, one on either side of the line, whose colours are furthest from each other."""
+    largest, first, last = 0.0, 0, 2 * _PER_SIDE
+    for a in range(_PER_SIDE):
+        b = _furthest(profile, profile[a], _PER_SIDE + 1, 2 * _PER_SIDE + 1)
+        square = _square(profile[a], profile[b])
+        if square > largest:
+            largest, first, last = square, a, b
+    return first, last
+
+
+@kernel
+def _furthest(profile, color, start, stop):
+    """The sample from `start` to `stop` whose colour is furthest from this one."""
+    furthest, largest = start, 0.0
+    for k in range(start, stop):
+        square = _square(profile[k], color)
+        if square > largest:
+            furthest, largest = k, square
+    return furthest
+
+
+@kernel
+def _square(a, b):
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+
+
+@kernel
 def _weight(k):
     """Of a sample in an integral over the profile."""
     return SPACING / 2 if k == 0 or k == 2 * _PER_SIDE else SPACING
 
 
 @kernel
-def step_shifts(picture, points, normals):
+def step_shifts(picture, points, normals, thin):
     """How far along its normal from each point the step is, how surely there is a step near, in [0, 1], and
     by how much more if both sides go on changing up to the step as they change beside it.
 
-    NaN where that cannot be told: the sides are too much alike, or too uneven.
+    NaN where that cannot be told: the sides are too much alike, or too uneven. Those whose region is `thin`
+    there, `(n, 2) bool`, the near and the far one, need not be even.
     """
     profile = np.empty((2 * _PER_SIDE + 1, 3))
     low, high, low_slope, high_slope = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -152,10 +236,18 @@ def step_shifts(picture, points, normals):
             color_at(picture, x, y, profile[k + _PER_SIDE])
         step, spread, _ = _sides(profile, False, low, low_slope, high, high_slope)
         if step < 3 * LEAST_STEP**2:
-            if _thin(profile, low, high, spread):
+            if _is_line(profile, low, high, spread):
                 trust[i] = UNEVEN
+                if thin[i, 0] or thin[i, 1]:
+                    shift[i] = _thin_step(profile, low, high, thin[i])
             continue
         trust[i] = min(np.sqrt(step / 3) / SURE_STEP, 1.0)
+        if thin[i, 0] or thin[i, 1]:
+            back = _turns_back(picture, points[i], normals[i], low, high)
+            if back or _stands_out(profile, low, high):
+                trust[i] *= UNEVEN
+                shift[i] = _thin_step(profile, low, high, thin[i])
+                continue
         if spread > LARGEST_SPREAD**2 * step:
             trust[i] *= UNEVEN
             continue

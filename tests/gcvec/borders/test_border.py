@@ -26,7 +26,7 @@ def network_of(pixels: np.ndarray, annotations: Annotations) -> Network:
     height, width = pixels.shape[:2]
     picture = pixels / 255.0
     labels = snap_borders(partition(annotations, width, height).labels, picture, 2.5)
-    return fitted_network(*localized(sample_borders(planar_graph(labels), width, height), picture))
+    return fitted_network(*localized(sample_borders(planar_graph(labels), width, height), labels, picture))
 
 
 @pytest.fixture(scope="module", params=[0, 1])

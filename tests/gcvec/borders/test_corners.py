@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 
 from gcvec.borders import corners as module
-from gcvec.borders.border import Borders, sample_borders
+from gcvec.borders.border import sample_borders
 from gcvec.borders.chains import Chains
 from gcvec.borders.corners import (
+    FARTHEST,
     GAP,
     LEAST_GAIN,
     LEAST_TURN,
     SIDES,
     SURE_ERROR,
     UNSURE_ERROR,
-    _cut,
-    _lattice_point,
+    _at_apexes,
     corner_gains,
     corners,
 )
 from gcvec.borders.localize import localized
 from gcvec.borders.planar_graph import planar_graph
 from tests.gcvec.borders.walks import assert_whole
-from tests.gcvec.scenes import SCENES, Scene
+from tests.gcvec.scenes import Scene
 
 Fit = tuple[np.ndarray, np.ndarray, float]
 
@@ -102,57 +102,6 @@ def test_a_smooth_arc_has_no_corner() -> None:
         assert gains.max() < 1
 
 
-def ring_and_cross() -> Borders:
-    """Four regions that meet in one node, and a fifth inside one of them, whose border is closed."""
-    labels = np.zeros((40, 44), np.int32)
-    labels[:20, 22:], labels[20:, :22], labels[20:, 22:] = 1, 2, 3
-    labels[25:35, 28:38] = 4
-    return sample_borders(planar_graph(labels), 44, 40)
-
-
-def half_way(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.asarray((a + b) / 2)
-
-
-@pytest.mark.parametrize("cuts", [[3], [3, 11], [0, 16, 17]])
-@pytest.mark.parametrize("closed", [False, True])
-def test_pieces_of_a_border_are_the_border(closed: bool, cuts: list[int]) -> None:
-    """Its samples in order, none twice, with a node, which nobody knows for sure, where it was cut."""
-    before = ring_and_cross()
-    k = next(k for k, b in enumerate(before.borders) if not b.on_frame and b.closed == closed)
-    border = before.borders[k]
-    after = _cut(before, {k: cuts}, half_way)
-    assert_whole(after)
-    pieces = after.borders[k : k + len(cuts) + (not closed)]
-    assert len(after.borders) == len(before.borders) + len(pieces) - 1
-    assert len(after.nodes) == len(before.nodes) + len(cuts)
-    assert all((p.left, p.right) == (border.left, border.right) for p in pieces)
-    walked = np.concatenate([piece.samples[1:-1] for piece in pieces])
-    own = np.roll(border.samples[:-1], -cuts[0] - 1, axis=0) if closed else border.samples[1:-1]
-    np.testing.assert_array_equal(walked, own)
-    places = {tuple(half_way(border.samples[c], border.samples[c + 1])) for c in cuts}
-    between = [piece.samples[0] for piece in pieces[(not closed) :]]
-    assert {tuple(place) for place in between} == places
-    assert all(piece.trust[[0, -1]].tolist() == [0, 0] and (piece.trust[1:-1] == 1).all() for piece in pieces)
-
-
-def test_borders_without_corners_stay_as_they_are() -> None:
-    before = ring_and_cross()
-    after = _cut(before, {}, half_way)
-    for a, b in zip(before.borders, after.borders, strict=True):
-        assert a.samples is b.samples
-        assert (a.start, a.end) == (b.start, b.end)
-    np.testing.assert_array_equal(before.nodes, after.nodes)
-
-
-@pytest.mark.parametrize("scene", ["voronoi", "stripes"])
-def test_between_two_cracks_lies_the_lattice_point_that_they_share(scene: str) -> None:
-    for arc in planar_graph(SCENES[scene].labels).arcs:
-        middles = (arc.points[1:] + arc.points[:-1]) / 2
-        for k in range(len(middles) - 1):
-            np.testing.assert_array_equal(_lattice_point(middles[k], middles[k + 1]), arc.points[k + 1])
-
-
 @pytest.mark.parametrize(("radius", "expected"), [(0.0, 8), (6.0, 0)])
 def test_corners_are_those_that_the_photo_shows(radius: float, expected: int) -> None:
     """A label map shows squares with rounded corners nearly as it does sharp ones. Here are two."""
@@ -164,7 +113,7 @@ def test_corners_are_those_that_the_photo_shows(radius: float, expected: int) ->
 
     squares = Scene(72, 128, owner)
     traced = sample_borders(planar_graph(squares.labels), 128, 72)
-    for found in localized(traced, squares.picture() / 255.0):
+    for found in localized(traced, squares.labels, squares.picture() / 255.0):
         assert_whole(found)
         inside = ((found.nodes > 0) & (found.nodes < [128, 72])).all(axis=1)
         assert inside.sum() == expected
@@ -190,6 +139,38 @@ def test_of_corners_close_together_the_sharpest_counts(monkeypatch: pytest.Monke
             after = [best[(k + d) % size] for d in steps if round_ or k + d < size]
             if best[k] >= max([LEAST_GAIN, *after]) and best[k] > max(before, default=0):
                 expected.append(first + k)
+    monkeypatch.setattr(module, "_at_apexes", lambda chains, points, found, apex: found)
     found = corners(chains, nowhere, np.ones(len(nowhere)), np.zeros((8, 8, 3)))
-    assert found.tolist() == expected
+    assert np.asarray(found).tolist() == expected
     assert len(expected) > 3
+
+
+@pytest.mark.parametrize("angle", [1.2, 1.6, 2.4])
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_corner_is_where_its_sides_meet(angle: float, closed: bool) -> None:
+    """Whatever sample saw it best; the last before the apex, which lies on the 16th, is the 15th or 16th."""
+    points = wedge(angle, 15, 0.01, 0)
+    n = len(points)
+    nodes = np.array([[-1, -1]] if closed else [[0, 1]])
+    made = Chains(np.arange(1), np.array([closed]), nodes, np.array([0, n]))
+    for k in range(12, 19):
+        after, places = _at_apexes(made, points, np.array([k, 16]), np.array([[40.0, 30.0]] * 2))
+        assert len(after) == 1
+        assert after[0] in (14, 15)
+        assert places.tolist() == [[40, 30]]
+
+
+def test_a_corner_far_from_its_border_is_on_the_border() -> None:
+    points = wedge(1.6, 15, 0, 0)
+    made = Chains(np.arange(1), np.array([False]), np.array([[0, 1]]), np.array([0, len(points)]))
+    after, places = _at_apexes(made, points, np.array([15]), np.array([[40.0, 29.5 - FARTHEST]]))
+    np.testing.assert_array_equal(places, (points[after] + points[after + 1]) / 2)
+
+
+def test_no_node_is_taken_for_a_corner() -> None:
+    """An open border of six samples is cut between its inner ones, however near the apex is to its end."""
+    points = np.stack([np.arange(6.0), np.zeros(6)], axis=1)
+    made = Chains(np.arange(1), np.array([False]), np.array([[0, 1]]), np.array([0, 6]))
+    for x in (-3.0, 8.0):
+        after, _ = _at_apexes(made, points, np.array([2]), np.array([[x, 0.0]]))
+        assert after.tolist() == [1 if x < 0 else 3]

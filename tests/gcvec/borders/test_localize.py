@@ -19,6 +19,7 @@ from gcvec.borders.localize import (
     NEIGHBOURS,
     REMOTE,
     SHADING,
+    _beside_thin,
     _clear_of_nodes,
     _clearance,
     _ends_at_nodes,
@@ -200,7 +201,7 @@ def test_where_borders_may_not_move_junctions_stay(scene: str) -> None:
     """Both are cut at the same corners, between the same regions."""
     made = SCENES[scene]
     traced = sample_borders(planar_graph(made.labels), made.width, made.height)
-    before, after = localized(traced, made.picture() / 255.0, 0.0)
+    before, after = localized(traced, made.labels, made.picture() / 255.0, 0.0)
     for a, b in zip(before.borders, after.borders, strict=True):
         assert (a.left, a.right, a.start, a.end) == (b.left, b.right, b.start, b.end)
     junctions = _ends_at_nodes(after) >= 3
@@ -212,7 +213,7 @@ def test_borders_of_a_sharp_disc_come_to_lie_on_it() -> None:
     """To a few hundredths of a pixel; the label map knows it to half a pixel."""
     disc = Scene(60, 64, lambda x, y: (np.hypot(x - 31.3, y - 29.8) < 20.4).astype(int))
     traced = sample_borders(planar_graph(disc.labels), 64, 60)
-    before, after = localized(traced, disc.picture() / 255.0)
+    before, after = localized(traced, disc.labels, disc.picture() / 255.0)
     circle = shapely.Point(31.3, 29.8).buffer(20.4, quad_segs=256).exterior
     off = [
         float(shapely.distance(circle, shapely.points(b.samples)).max())
@@ -222,3 +223,35 @@ def test_borders_of_a_sharp_disc_come_to_lie_on_it() -> None:
     ]
     assert off[0] > 0.3
     assert off[1] < 0.06
+
+
+@pytest.mark.parametrize("width", [2.0, 3.0, 4.0])
+def test_borders_of_a_thin_ring_come_to_lie_on_its_circles(width: float) -> None:
+    """Thinner than the flanks that a step is measured from. The label map leaves a quarter of a pixel."""
+
+    def owner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        r = np.hypot(x - 31.3, y - 29.8)
+        return ((r < 20.4) & (r > 20.4 - width)).astype(int)
+
+    ring = Scene(60, 64, owner)
+    traced = sample_borders(planar_graph(ring.labels), 64, 60)
+    _, after = localized(traced, ring.labels, ring.picture() / 255.0)
+    inside = [border for border in after.borders if not border.on_frame]
+    assert len(inside) == 2
+    for border in inside:
+        r = np.hypot(*(border.samples - [31.3, 29.8]).T)
+        off = r - (20.4 if r.mean() > 20.4 - width / 2 else 20.4 - width)
+        assert np.sqrt((off**2).mean()) < 0.06
+
+
+def test_thin_is_what_ends_within_a_few_pixels() -> None:
+    """A stripe 3 pixels wide, and the space beside it, which goes on to the frame 3 pixels further on."""
+    labels = np.zeros((20, 30), np.int32)
+    labels[:, 12:15], labels[:, 15:] = 1, 2
+    points = np.array([[12.0, 9.5], [15.0, 9.5], [28.0, 9.5], [6.0, 9.5]])
+    sides = np.array([[0, 1], [1, 2], [2, 2], [0, 0]])
+    right = np.tile([1.0, 0.0], (4, 1))
+    expected = np.array([[False, True], [True, False], [False, False], [False, False]])
+    np.testing.assert_array_equal(_beside_thin(labels, sides, points, right), expected)
+    turned = _beside_thin(labels, sides[:, ::-1].copy(), points, -right)
+    np.testing.assert_array_equal(turned, expected[:, ::-1])

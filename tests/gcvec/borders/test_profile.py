@@ -9,6 +9,7 @@ import pytest
 from scipy import ndimage, optimize
 
 from gcvec.borders.profile import (
+    BEYOND,
     FLANK,
     LARGEST_RAMP,
     LARGEST_SPREAD,
@@ -21,24 +22,57 @@ from gcvec.borders.profile import (
 
 OFFSETS = np.linspace(-REACH, REACH, 21)
 FLANKS = OFFSETS <= -FLANK, OFFSETS >= FLANK
+RIGHT = np.array([[1.0, 0.0]])
+BROAD, RIGHT_THIN, LEFT_THIN, THIN = (np.array([sides], bool) for sides in np.ndindex(2, 2))
 
 Side = Callable[[float], np.ndarray]
 
 
-def slow_step(picture: np.ndarray, point: np.ndarray, normal: np.ndarray) -> tuple[float, float, float]:
-    """Shift, trust and what shading adds, at one point."""
-    x, y = (point + OFFSETS[:, None] * normal).T - 0.5
-    profile = np.stack(
+def read(picture: np.ndarray, point: np.ndarray, normal: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """The colours `(n, 3)` so far along the normal."""
+    x, y = (point + offsets[:, None] * normal).T - 0.5
+    return np.stack(
         [ndimage.map_coordinates(picture[..., c], (y, x), order=1, mode="nearest") for c in range(3)], axis=1
     )
+
+
+def slow_thin_step(profile: np.ndarray, low: np.ndarray, high: np.ndarray, thin: np.ndarray) -> float:
+    """The shift where one side is thin or both are."""
+    half = len(profile) // 2
+    left, right = profile[:half], profile[half + 1 :]
+    away = ((left[:, None] - right[None]) ** 2).sum(axis=2)
+    a, b = np.unravel_index(away.argmax(), away.shape)
+    if thin.tolist() == [True, False]:
+        a = ((left - high) ** 2).sum(axis=1).argmax()
+        b = away[a].argmax()
+    elif thin.tolist() == [False, True]:
+        b = ((right - low) ** 2).sum(axis=1).argmax()
+        a = away[:, b].argmax()
+    near = slice(a, b + half + 2)
+    step = profile[near][-1] - profile[near][0]
+    share = (profile[near] - profile[near][0]) @ step / (step @ step)
+    return float(OFFSETS[near][-1] - np.trapezoid(np.clip(share, 0, 1), OFFSETS[near]))
+
+
+def slow_step(
+    picture: np.ndarray, point: np.ndarray, normal: np.ndarray, thin: np.ndarray
+) -> tuple[float, float, float]:
+    """Shift, trust and what shading adds, at one point."""
+    profile = read(picture, point, normal, OFFSETS)
     low, high, spread = slow_sides(profile, 0)
     step = high(0) - low(0)
     if step @ step < 3 * LEAST_STEP**2:
         middle = profile[np.abs(OFFSETS) <= FLANK] - (low(0) + high(0)) / 2
         largest = (middle**2).sum(axis=1).max()
-        thin = largest >= 3 * SURE_STEP**2 and spread <= LARGEST_SPREAD**2 * largest
-        return np.nan, UNEVEN * thin, np.nan
+        line = largest >= 3 * SURE_STEP**2 and spread <= LARGEST_SPREAD**2 * largest
+        at = slow_thin_step(profile, low(0), high(0), thin) if thin.any() and line else np.nan
+        return at, UNEVEN * line, np.nan
     trust = min(np.sqrt(step @ step / 3) / SURE_STEP, 1.0)
+    beyond = (read(picture, point, normal, np.array([-BEYOND, BEYOND])) - (low(0) + high(0)) / 2) @ step
+    middle = profile[np.abs(OFFSETS) <= FLANK]
+    away = np.minimum(*(((middle - side(0)) ** 2).sum(axis=1) for side in (low, high)))
+    if thin.any() and (beyond[0] > 0 or beyond[1] < 0 or away.max() > step @ step):
+        return slow_thin_step(profile, low(0), high(0), thin), trust * UNEVEN, np.nan
     if spread > LARGEST_SPREAD**2 * step @ step:
         return np.nan, trust * UNEVEN, np.nan
     share = (profile - low(0)) @ step / (step @ step)
@@ -79,8 +113,9 @@ def test_steps_as_read_out_loud() -> None:
     points = rng.uniform([-1, -1], [41, 31], (1000, 2))
     angle = rng.uniform(0, 2 * np.pi, 1000)
     normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    slow = np.array([slow_step(picture, p, n) for p, n in zip(points, normals, strict=True)])
-    fast = np.stack(step_shifts(picture, points, normals), axis=1)
+    thin = rng.random((1000, 2)) < 0.4
+    slow = np.array([slow_step(picture, *one) for one in zip(points, normals, thin, strict=True)])
+    fast = np.stack(step_shifts(picture, points, normals, thin), axis=1)
     assert np.isfinite(slow).sum(axis=0).min() > 20
     np.testing.assert_allclose(fast, slow, atol=1e-9)
 
@@ -93,27 +128,44 @@ def test_a_step_between_shaded_sides_stays_where_it_is(edge: float) -> None:
     picture = np.tile(profile[None, :, None], (9, 1, 3))
     at, at_flat = 9.4, 9.4
     for _ in range(3):
-        shift, trust, shaded = step_shifts(picture, np.array([[at, 4.5]]), np.array([[1.0, 0.0]]))
+        shift, trust, shaded = step_shifts(picture, np.array([[at, 4.5]]), RIGHT, BROAD)
         at += shift[0] + shaded[0]
-        at_flat += step_shifts(picture, np.array([[at_flat, 4.5]]), np.array([[1.0, 0.0]]))[0][0]
+        at_flat += step_shifts(picture, np.array([[at_flat, 4.5]]), RIGHT, BROAD)[0][0]
         assert trust[0] == 1
     assert at == pytest.approx(edge, abs=0.025)
     assert abs(at_flat - edge) > 0.1
 
 
 def test_no_step_no_shift() -> None:
-    shift, trust, shaded = step_shifts(
-        np.full((9, 9, 3), 0.5), np.array([[4.0, 4.0]]), np.array([[0.0, 1.0]])
-    )
-    assert np.isnan([shift[0], shaded[0]]).all()
-    assert trust[0] == 0
+    for thin in (BROAD, THIN):
+        shift, trust, shaded = step_shifts(np.full((9, 9, 3), 0.5), np.array([[4.0, 4.0]]), RIGHT, thin)
+        assert np.isnan([shift[0], shaded[0]]).all()
+        assert trust[0] == 0
 
 
-def test_a_line_too_thin_is_seen_but_not_measured() -> None:
+def test_a_line_of_broad_regions_is_seen_but_not_measured() -> None:
     """A line of one pixel: the border on either side stays where it was drawn, and is no matter of taste."""
     picture = np.full((9, 20, 3), 0.3)
     picture[:, 10] = 0.8
     for x in (10.0, 11.0):
-        shift, trust, shaded = step_shifts(picture, np.array([[x, 4.5]]), np.array([[1.0, 0.0]]))
+        shift, trust, shaded = step_shifts(picture, np.array([[x, 4.5]]), RIGHT, BROAD)
         assert np.isnan([shift[0], shaded[0]]).all()
         assert trust[0] == UNEVEN
+
+
+@pytest.mark.parametrize("width", [2.0, 2.5, 3.0, 3.4])
+@pytest.mark.parametrize("start", [9.0, 9.3, 9.5, 9.8])
+def test_both_borders_of_a_thin_region_are_measured(width: float, start: float) -> None:
+    """Between sides of two colours, from half a pixel off either way."""
+    fine = (np.arange(24 * 64) + 0.5) / 64
+    inside = (fine >= start) & (fine < start + width)
+    profile = np.where(inside, 0.8, np.where(fine < start, 0.3, 0.4)).reshape(24, 64).mean(axis=1)
+    picture = np.tile(profile[None, :, None], (9, 1, 3))
+    for edge, thin in ((start, RIGHT_THIN), (start + width, LEFT_THIN)):
+        for off in (-0.5, 0.5):
+            at = edge + off
+            for _ in range(3):
+                shift, trust, _ = step_shifts(picture, np.array([[at, 4.5]]), RIGHT, thin)
+                assert trust[0] > 0
+                at += shift[0]
+            assert at == pytest.approx(edge, abs=0.06)

@@ -84,9 +84,9 @@ def test_any_label_map_ends_without_crossings(owners: np.ndarray) -> None:
     traced = sample_borders(planar_graph(labels), width, height)
     assert_tiling(fitted_network(traced, traced, GRID))
     noise = np.random.default_rng(owners.sum()).uniform(0, 1, (height, width, 3))
-    assert_tiling(fitted_network(*localized(traced, noise), GRID))
+    assert_tiling(fitted_network(*localized(traced, labels, noise), GRID))
     clean = drawn(labels).picture() / 255
-    assert_tiling(fitted_network(*localized(traced, clean), GRID))
+    assert_tiling(fitted_network(*localized(traced, labels, clean), GRID))
 
 
 def line(*points: tuple[float, float], left: int = 0, right: int = 1) -> Curve:
