@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gcvec.error_scale import PEAK_SQUARE
 from gcvec.errors import InputError
 from gcvec.photo import require_photo
 from gcvec.ssim import ssim
@@ -98,4 +99,4 @@ def _regions(image: VectorImage, square: NDArray[np.float64]) -> tuple[RegionRep
 
 def psnr(mse: float) -> float:
     """Peak signal-to-noise ratio in dB; 100 for equal pictures, so that it stays a number in JSON."""
-    return float(min(10 * np.log10(255**2 / mse), 100.0)) if mse > 0 else 100.0
+    return float(min(10 * np.log10(PEAK_SQUARE / mse), 100.0)) if mse > 0 else 100.0

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Literal
 
+from gcvec.error_scale import PEAK_SQUARE
 from gcvec.errors import InputError
 
 MOST_SNAP = 20
@@ -50,8 +51,8 @@ class Options:
         for name in ("target_mse", "snap"):
             if not isinstance(getattr(self, name), Real):
                 raise self._refused(name, "be a number")
-        if not 0 < self.target_mse < 65025:
-            raise self._refused("target_mse", "be above 0 and below 65025")
+        if not 0 < self.target_mse < PEAK_SQUARE:
+            raise self._refused("target_mse", f"be above 0 and below {PEAK_SQUARE}")
         if not 0 <= self.snap <= MOST_SNAP:
             raise self._refused("snap", f"lie between 0 and {MOST_SNAP} pixels")
         if not 1 <= self.effort <= MOST_EFFORT:

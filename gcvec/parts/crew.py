@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gcvec.error_scale import PEAK_SQUARE, square_of, told_mse
 from gcvec.parts.division import divided, part_of
 from gcvec.parts.goals import common_goals
 from gcvec.parts.messages import PartRequest, PartResult
@@ -113,7 +114,7 @@ class _Rounds:
     @property
     def aim(self) -> float:
         """The squared error to aim at."""
-        return self.fair_aim * self._pixels.size / 65025
+        return square_of(self.fair_aim, self._pixels.size)
 
     def own_aims(self) -> Floats:
         """`(parts,)` squared errors of parts that are all as good as the picture has to be."""
@@ -122,7 +123,7 @@ class _Rounds:
 
     def goals(self) -> Floats:
         """`(parts,)` the squared errors that the parts have at one price, and that add up to the aim."""
-        usual = SHARED_ERROR * self.fair_aim * self._shared.n * 3 / 65025
+        usual = SHARED_ERROR * self.fair_aim * self._shared.n * 3 / PEAK_SQUARE
         return common_goals(self._states, self.aim - min(self._shared.excess, usual))
 
     def run(self, shares: tuple[float, ...], goals: Floats) -> None:
@@ -165,7 +166,7 @@ class _Rounds:
             self.n_points,
             int(self._parts[worst.number].patches[0]),
             max(state.worst for state in self._states),
-            self.square * 65025 / self._pixels.size,
+            told_mse(self.square, self._pixels.size),
             frozenset(np.concatenate(grown).tolist()),
             left,
         )
@@ -181,7 +182,7 @@ class _Rounds:
         order = by_rows(points)
         boundary = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], self._prior)
         colors = np.concatenate([boundary, np.concatenate(inner)[order]])
-        lack = sum(state.lack for state in self._states) * 65025 / self._pixels.size
+        lack = told_mse(sum(state.lack for state in self._states), self._pixels.size)
         return Start(points[order], colors, self._done, lack)
 
 

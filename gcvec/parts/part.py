@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.colors.color_fit import ColorFit
+from gcvec.error_scale import PEAK_SQUARE, told_mse
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.patches.canonical import lay_foundation
 from gcvec.quantization import Quantization
@@ -36,7 +37,7 @@ def refine_part(
     network = request.network
     column, row = network.origin or (0, 0)
     frame = pixels[row : row + network.height, column : column + network.width]
-    goal = request.goal * 65025 / frame.size
+    goal = told_mse(request.goal, frame.size)
     steps: list[Step] = []
 
     def note(step: Step) -> None:
@@ -77,7 +78,7 @@ def _result(number: int, state: Refinement, steps: list[Step], more: bool) -> Pa
     cover = _covered(state.fit)
     shared = np.flatnonzero((cover > SLIVER) & (cover < 1 - SLIVER))
     beside = state.residual[shared]
-    square = state.truth.size / 65025
+    square = state.truth.size / PEAK_SQUARE
     grown = frozenset[int]().union(*(step.grown for step in steps))
     course = [(step.points, step.mse * square) for step in steps if step.points]
     return PartResult(

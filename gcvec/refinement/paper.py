@@ -16,6 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from gcvec import raster
+from gcvec.error_scale import PEAK_SQUARE
 from gcvec.patches.canonical import Canvas, Foundation, lay_canvas
 from gcvec.patches.drawing import folded
 from gcvec.patches.mesh import Mesh, build_mesh, patch_mesh
@@ -101,7 +102,7 @@ class _Refinement:
 
     def mse(self, region: int | None = None) -> float:
         error = self.error if region is None else self.error[self.owner == region]
-        return float((error**2).mean() * 65025) if len(error) else 0.0
+        return float((error**2).mean() * PEAK_SQUARE) if len(error) else 0.0
 
     def worst(self) -> float:
         return float(np.abs(self.error).max() * 255)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gcvec.error_scale import PEAK_SQUARE
 from gcvec.quantization import Quantization
 
 LOSS = 1.15
@@ -39,7 +40,7 @@ class Rounding:
         Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
         picture as the colour has energy there.
         """
-        return (1 + self._loss * 65025 * steps.point**2 * energy) / 12
+        return (1 + self._loss * PEAK_SQUARE * steps.point**2 * energy) / 12
 
     def aim(self, energy: float) -> float:
         """The error before rounding that leaves the target after it."""

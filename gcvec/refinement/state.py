@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gcvec.colors.color_fit import ColorFit, color_fit
 from gcvec.colors.least_squares import solve, solve_bounded
+from gcvec.error_scale import PEAK_SQUARE, square_of, told_mse
 from gcvec.greedy import Shown, begin_placement
 from gcvec.greedy.seats import Seats, find_seats
 from gcvec.patches.canonical import lay_unfolded_canvas
@@ -280,7 +281,7 @@ class Refinement:
             more = placement.grow(goal, most)
             self.points, colors, new = placement.result()
             self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
-        foreseen, self.lack = placement.error, placement.lack * 65025 / self.truth.size
+        foreseen, self.lack = placement.error, told_mse(placement.lack, self.truth.size)
         del placement
         self._update(new)
         self.bias = foreseen / max(self._to_square(self.mse), 1e-12)
@@ -310,7 +311,7 @@ class Refinement:
 
     def _to_square(self, mse: float) -> float:
         """Squared error, summed over pixels and channels, of a mean squared error on the 0-255 scale."""
-        return mse * self.truth.size / 65025
+        return square_of(mse, self.truth.size)
 
     @property
     def full(self) -> bool:
@@ -414,4 +415,4 @@ class Refinement:
 
     def _measure(self) -> None:
         self.residual = self.fit.residual(self.colors, self.truth)
-        self.mse = float(np.mean(self.residual**2, dtype=np.float64) * 65025)
+        self.mse = float(np.mean(self.residual**2, dtype=np.float64) * PEAK_SQUARE)
