@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,42 +82,90 @@ def merged(
     `most_load` stay apart; a small region that belongs to a full group joins it at the end, rather than
     another across an edge.
     """
-    groups = np.arange(len(areas))
     load = np.zeros(len(areas)) if load is None else load
-    while len(graph):
-        first, second = graph.first, graph.second
-        smaller, gain = border_gains(first, second, graph.length, graph.energy, graph.step, areas)
-        loads = np.stack([load[first], load[second]])
-        allowed = np.where(loads.min(axis=0) <= _LIGHT * most_load, _OVERLOAD, 1) * most_load
-        full = (loads.sum(axis=0) > allowed) & (areas[smaller] >= SLIVER_AREA)
-        detour = _detours(smaller, gain, full, areas)
-        shut = np.where(full | detour, np.inf, gain)
-        chosen = weakest_of_smaller(first, second, smaller, shut, len(areas))
-        most = max(len(areas) // _BATCH, 1)
-        if not regions:
-            worthless = 0.0 if graph.length.sum() <= most_border else np.inf
-            chosen = chosen[shut[chosen] < worthless]
-            if not len(chosen):
-                # Those left over between full groups and edges: they are small.
-                lost = np.zeros(len(areas), np.bool_)
-                lost[smaller[detour]] = True
-                shut = np.where(lost[smaller], gain, np.inf)
-                chosen = weakest_of_smaller(first, second, smaller, shut, len(areas))
-                chosen = chosen[shut[chosen] < worthless]
-        elif len(areas) > regions:
-            most = min(most, len(areas) - regions)
-        else:
-            chosen = chosen[areas[smaller[chosen]] < SLIVER_AREA]
-        chosen = _smallest(shut, chosen, most)
+    groups, now = np.arange(len(areas)), _Regions(graph, areas, load)
+    while len(now.graph):
+        chosen = _next_borders(now, regions, most_load, most_border)
         if not len(chosen):
             break
-        joined = united(first[chosen], second[chosen], len(areas))
-        areas = np.bincount(joined, areas).astype(np.int64)
-        load = np.bincount(joined, load).astype(np.float64)
-        groups = joined[groups]
-        columns = summed(joined[first], joined[second], graph.length, graph.energy, graph.step, len(areas))
-        graph = AdjacencyGraph(*columns)
+        joined = united(now.graph.first[chosen], now.graph.second[chosen], len(now.areas))
+        groups, now = joined[groups], now.joined(joined)
     return groups
+
+
+@dataclass(frozen=True)
+class _Regions:
+    """The regions that there are between two rounds of merging, with their pixels and loads, `(n,)` each."""
+
+    graph: AdjacencyGraph
+    areas: NDArray[np.int64]
+    load: NDArray[np.float64]
+
+    def joined(self, group: NDArray[np.int64]) -> _Regions:
+        """The regions that come of joining those of one `group (n,)`."""
+        graph = self.graph
+        areas = np.bincount(group, self.areas).astype(np.int64)
+        load = np.bincount(group, self.load).astype(np.float64)
+        first, second = group[graph.first], group[graph.second]
+        columns = summed(first, second, graph.length, graph.energy, graph.step, len(areas))
+        return _Regions(AdjacencyGraph(*columns), areas, load)
+
+
+class _Weighed(NamedTuple):
+    """The borders of a graph, weighed, `(k,)` each.
+
+    smaller  the smaller region at each, which is the one that joins the other
+    gain     what the border is worth beyond its cost (`border_gains`)
+    full     whether joining across it would come to more than a group may hold
+    detour   whether the smaller region belongs to a full group rather than across it
+    """
+
+    smaller: NDArray[np.int64]
+    gain: NDArray[np.float64]
+    full: NDArray[np.bool_]
+    detour: NDArray[np.bool_]
+
+
+def _next_borders(now: _Regions, regions: int, most_load: float, most_border: float) -> NDArray[np.int64]:
+    """The borders to merge across before all are weighed again: none where merging ends."""
+    borders, n = _weighed(now, most_load), len(now.areas)
+    batch = max(n // _BATCH, 1)
+    chosen, gain = _weakest(now, borders, ~(borders.full | borders.detour))
+    if regions and n > regions:
+        return _smallest(gain, chosen, min(batch, n - regions))
+    if regions:
+        sliver = now.areas[borders.smaller[chosen]] < SLIVER_AREA
+        return _smallest(gain[sliver], chosen[sliver], batch)
+    enough = 0.0 if now.graph.length.sum() <= most_border else np.inf
+    if not (gain < enough).any():
+        chosen, gain = _weakest(now, borders, _left_over(now, borders))
+    return _smallest(gain[gain < enough], chosen[gain < enough], batch)
+
+
+def _weighed(now: _Regions, most_load: float) -> _Weighed:
+    graph, areas = now.graph, now.areas
+    smaller, gain = border_gains(graph.first, graph.second, graph.length, graph.energy, graph.step, areas)
+    loads = np.stack([now.load[graph.first], now.load[graph.second]])
+    allowed = np.where(loads.min(axis=0) <= _LIGHT * most_load, _OVERLOAD, 1) * most_load
+    full = (loads.sum(axis=0) > allowed) & (areas[smaller] >= SLIVER_AREA)
+    return _Weighed(smaller, gain, full, _detours(smaller, gain, full, areas))
+
+
+def _weakest(
+    now: _Regions, borders: _Weighed, allowed: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """For each region whose weakest border, of those `allowed (k,)`, it is the smaller one at: that border,
+    and what it is worth, infinite where none is allowed."""
+    gain = np.where(allowed, borders.gain, np.inf)
+    chosen = weakest_of_smaller(now.graph.first, now.graph.second, borders.smaller, gain, len(now.areas))
+    return chosen, gain[chosen]
+
+
+def _left_over(now: _Regions, borders: _Weighed) -> NDArray[np.bool_]:
+    """The borders `(k,)` of regions left over between full groups and edges: they are small."""
+    lost = np.zeros(len(now.areas), np.bool_)
+    lost[borders.smaller[borders.detour]] = True
+    return lost[borders.smaller]
 
 
 def _detours(
@@ -169,10 +218,10 @@ def weakest_of_smaller(first, second, smaller, gain, n):
 
 
 def _smallest(values: NDArray[np.float64], indices: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Those `count` of the indices that have the smallest values."""
+    """Those `count` of the indices `(n,)` that have the smallest values `(n,)`."""
     if count >= len(indices):
         return indices
-    return indices[np.argpartition(values[indices], count)[:count]]
+    return indices[np.argpartition(values, count)[:count]]
 
 
 @kernel
