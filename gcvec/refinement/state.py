@@ -8,7 +8,7 @@ them. One falling threshold serves all regions, so points go where they buy most
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from gcvec.colors.color_fit import ColorFit, color_fit
 from gcvec.colors.least_squares import solve, solve_bounded
 from gcvec.error_scale import PEAK_SQUARE, square_of, told_mse
-from gcvec.greedy import Shown, begin_placement
+from gcvec.greedy import Placement, Shown, begin_placement
 from gcvec.greedy.seats import Seats, find_seats
 from gcvec.patches.canonical import lay_unfolded_canvas
+from gcvec.refinement.bargains import LEAST_RETURN, Bargains, bargains
 from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.scene import Scene, Start, Step, Terms
@@ -68,13 +69,9 @@ LEAST_CHANGE = 0.99
 """Growth ends with a round that neither adds points nor brings the error below this share of what it was."""
 
 CROWDED = 1 / 8
-LEAST_RETURN = 0.25
 IDLE_ROUNDS = 2
-"""With this many points a pixel, so many rounds in a row in which the error falls by less than this power of
-the number of points are the last."""
-
-FEW_A_PIXEL = 1 / 32
-"""With this many points a pixel or fewer nobody asks whether they are worth it."""
+"""With this many points a pixel, so many rounds in a row whose points were not worth it (`LEAST_RETURN`) are
+the last."""
 
 SHIFTS = 0.35, 0.65
 """Where strips of the picture are cut, in turn: nothing changes along a cut."""
@@ -90,27 +87,6 @@ GROWTH = 3.0
 
 REPLACEMENT = 3.0
 """A round that takes points out puts no more than this many times as many in."""
-
-
-class _Best(NamedTuple):
-    """The best bargain of each region so far: its squared error times a small power of its number of control
-    points, `(patches,)`, and all those points, with their colours and regions."""
-
-    bargains: Floats
-    points: Ints
-    colors: Floats
-    patch: Ints
-
-    def where(self, region: NDArray[np.bool_]) -> _Best:
-        """What it says of some of the regions `(patches,)`."""
-        own = region[self.patch]
-        bargains = np.where(region, self.bargains, np.inf)
-        return _Best(bargains, self.points[own], self.colors[own], self.patch[own])
-
-    def beside(self, other: _Best) -> _Best:
-        """What both say, each of regions of its own."""
-        points, colors, patch = (np.concatenate(pair) for pair in zip(self[1:], other[1:], strict=True))
-        return _Best(np.minimum(self.bargains, other.bargains), points, colors, patch)
 
 
 class Refinement:
@@ -129,11 +105,13 @@ class Refinement:
     mse     its mean squared error (0-255 scale)
 
     It is made with points and canvas; colours adapt, and errors are known, once it has begun: in between it
-    can be told what to `compare_with`. `fit` and `residual`, which are large, are let go while points change:
-    between rounds, which end with `_update`, both are there.
+    can be told what to `compare_with`. While points change there is neither `fit` nor `residual`: rounds let
+    them go with `_let_go`, and end with `_update`, which makes them anew.
     """
 
     fit: ColorFit
+    residual: NDArray[np.float32]
+    mse: float
 
     def __init__(
         self,
@@ -159,8 +137,8 @@ class Refinement:
         self._max_points = terms.max_points
         self._on_step = on_step
         self._clock = clock
-        self._best: _Best | None = None
-        self._area = self._areas()
+        self._best: Bargains | None = None
+        self._areas = self._by_region()
         self._blocked = ~find_clear_pixels(scene.foundation) | (scene.foundation.geometry.triangle_at < 0)
         self._iteration = start.rounds
         self._lay()
@@ -217,40 +195,32 @@ class Refinement:
         now, best = self._bargains(self._square_errors()), self._best
         if best is None:
             return False
-        back = SETTLED * best.bargains < now.bargains
+        back = SETTLED * best.score < now.score
         if not back.any():
             return False
-        kept = now.where(~back).beside(best.where(back))
+        kept = now.except_in(back, best)
         order = by_rows(kept.points)
-        self.points = kept.points[order]
-        self.colors = np.concatenate([self.colors[: len(self._prior)], kept.colors[order]])
+        self._have(kept.points[order], kept.colors[order])
         self.lack = 0.0
         self._update()
         return True
 
     def _remember(self) -> None:
         """Keep what is a better bargain than all before, before points change."""
-        now = self._bargains(self._squares)
-        best = self._best or now
-        better = now.bargains < best.bargains
-        self._best = now.where(better).beside(best.where(~better))
+        self._best = self._bargains(self._squares).better_of(self._best)
 
-    def _bargains(self, squares: Floats) -> _Best:
-        n_points = np.maximum(self._points_by_region(), FEW_A_PIXEL * self._area)
-        bargains = squares * n_points**LEAST_RETURN
-        return _Best(bargains, self.points, self.colors[len(self._prior) :], self.canvas.patch_of_points())
-
-    def _areas(self) -> Ints:
-        """`(patches,)` pixels of the regions."""
-        n_patches = len(self.foundation.network.loops)
-        return np.bincount(self.foundation.geometry.patch_at().ravel(), minlength=n_patches)[:n_patches]
+    def _bargains(self, squares: Floats) -> Bargains:
+        """What the regions get for their points, with these squared errors `(patches,)`."""
+        return bargains(squares, self._areas, self.points, self._point_colors, self.canvas.patch_of_points())
 
     def _square_errors(self) -> Floats:
         """`(patches,)` squared errors of the regions, in [0, 1] colours."""
-        square = (self.residual**2).sum(axis=1)
-        n_patches = len(self._area)
-        patch_at = self.foundation.geometry.patch_at().ravel()
-        return np.bincount(patch_at, square, n_patches)[:n_patches].astype(np.float64)
+        return self._by_region((self.residual**2).sum(axis=1)).astype(np.float64)
+
+    def _by_region(self, values: NDArray[np.float32] | None = None) -> NDArray[Any]:
+        """`(patches,)` sums over each region of `values` `(pixels,)`; without them, its number of pixels."""
+        n_patches = len(self.foundation.network.loops)
+        return np.bincount(self.foundation.geometry.patch_at().ravel(), values, n_patches)[:n_patches]
 
     def catch_up(self) -> bool:
         """Place the points that are missing. False when no more points help."""
@@ -265,27 +235,38 @@ class Refinement:
         """One round: take out the least useful `share` of the control points, and place new ones, `growth`
         times as many as there are at most, until the error is expected to be so much. False when no more
         points help."""
-        n = len(self.points)
         self._remember()
         with self._clock.stage("evaluation"):
-            goal = self._to_square(expected)
-            on_canvas = self.fit.operator @ self.colors
-            shown = Shown(self.canvas, self.points, on_canvas, self.residual, self._picture.reshape(-1, 3))
-            del self.fit, self.residual  # large, and no longer needed
-            placement = begin_placement(
-                shown, self._seats(), self._room(), POINT_WEIGHT * self._strength, SHIFTS[self._iteration % 2]
-            )
-            del shown
-            placement.thin_out(share)
-            most = int(growth * n + FIRST_POINTS * len(self.truth)) + 4
-            more = placement.grow(goal, most)
-            self.points, colors, new = placement.result()
-            self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
-        foreseen, self.lack = placement.error, told_mse(placement.lack, self.truth.size)
-        del placement
+            new, foreseen, more = self._change_points(share, growth, self._to_square(expected))
         self._update(new)
         self.bias = foreseen / max(self._to_square(self.mse), 1e-12)
         return more
+
+    def _change_points(
+        self, share: float, growth: float, goal: float
+    ) -> tuple[NDArray[np.bool_], float, bool]:
+        """Points and their colours after a round whose squared error shall come to `goal`: which of them are
+        new `(n,)`, the squared error expected of them, and whether more would help."""
+        most = int(growth * len(self.points) + FIRST_POINTS * len(self.truth)) + 4
+        placement = self._begun_placement()
+        placement.thin_out(share)
+        more = placement.grow(goal, most)
+        points, colors, new = placement.result()
+        self._have(points, colors)
+        self.lack = told_mse(placement.lack, self.truth.size)
+        return new, placement.error, more
+
+    def _begun_placement(self) -> Placement:
+        """Placement that starts from the picture as it is, which is let go."""
+        on_canvas = self.fit.operator @ self.colors
+        shown = Shown(self.canvas, self.points, on_canvas, self.residual, self._picture.reshape(-1, 3))
+        self._let_go()
+        pull, shift = POINT_WEIGHT * self._strength, SHIFTS[self._iteration % 2]
+        return begin_placement(shown, self._seats(), self._room(), pull, shift)
+
+    def _let_go(self) -> None:
+        """Fit and residual, which are large, and of no use once points change."""
+        del self.fit, self.residual
 
     def _foreseen(self, mse: float, growing: bool) -> float:
         """The error that greedy placement expects of a picture that comes to `mse` after the last fit.
@@ -350,23 +331,26 @@ class Refinement:
                 self._max_points,
             )
         if len(new):
-            del self.fit
+            self._let_go()
             self._insert(new)
 
     def _insert(self, new: Ints) -> None:
         """Add control points `(n, 2)` with the colours of their pixels."""
-        n_boundary = len(self._prior)
         points = np.concatenate([self.points, new])
+        colors = np.concatenate([self._point_colors, self._picture[new[:, 1], new[:, 0]]])
         order = by_rows(points)
-        colors = np.concatenate([self.colors[n_boundary:], self._picture[new[:, 1], new[:, 0]]])
-        self.points = points[order]
-        self.colors = np.concatenate([self.colors[:n_boundary], colors[order]])
+        self._have(points[order], colors[order])
         self._update(order >= len(points) - len(new))
 
-    def _keep(self, kept: NDArray[np.bool_]) -> None:
-        n_boundary = len(self._prior)
-        self.points = self.points[kept]
-        self.colors = np.concatenate([self.colors[:n_boundary], self.colors[n_boundary:][kept]])
+    def _have(self, points: Ints, colors: Floats) -> None:
+        """Have these control points `(n, 2)`, by rows, and their colours `(n, 3)`, in place of all others."""
+        self.points = points
+        self.colors = np.concatenate([self.colors[: len(self._prior)], colors])
+
+    @property
+    def _point_colors(self) -> Floats:
+        """`(n, 3)` colours of the control points."""
+        return self.colors[len(self._prior) :]
 
     def _update(self, new: NDArray[np.bool_] | None = None) -> None:
         """Canvas, colours and error for the points as they are, of which some are `new` `(n,)`."""
@@ -381,7 +365,7 @@ class Refinement:
             self.foundation = self.canvas.foundation
             gone = self.points[~kept]
             self._blocked[gone[:, 1], gone[:, 0]] = True
-            self._keep(kept)
+            self._have(self.points[kept], self._point_colors[kept])
         with self._clock.stage("evaluation"):
             coverage = self.canvas.coverage(self.canvas.unit[0], np.float32)
         with self._clock.stage("optimization"):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,23 +12,22 @@ import pytest
 from gcvec.patches.canonical import lay_canvas
 from gcvec.quantization import Quantization
 from gcvec.raster import paint
+from gcvec.refinement import state as state_module
+from gcvec.refinement.bargains import LEAST_RETURN, Bargains, bargains
 from gcvec.refinement.scene import Scene, Start, Step, Terms
 from gcvec.refinement.state import (
     CROWDED,
     EARLY,
     EARLY_NEAR,
     FEW,
-    FEW_A_PIXEL,
     FIRST_POINTS,
     GROWTH,
     LEAST_CHANGE,
-    LEAST_RETURN,
     NEAR,
     REPLACEMENT,
     RISE,
     SETTLED,
     Refinement,
-    _Best,
 )
 from gcvec.timing import StageClock
 from tests.gcvec.scenes import SCENES, foundation_of, some_points
@@ -257,7 +258,7 @@ def test_without_anything_better_there_is_no_way_back() -> None:
 def test_a_bargain_is_taken_only_if_it_is_better_after_its_last_fit(better: float, goes: bool) -> None:
     state = begun()
     now = state._bargains(state._square_errors())
-    state._best = now._replace(bargains=better * now.bargains / SETTLED)
+    state._best = now._replace(score=better * now.score / SETTLED)
     state.lack = 0.25
     assert state.fall_back() is goes
     assert state.lack == (0.0 if goes else 0.25)
@@ -267,36 +268,43 @@ def test_only_regions_that_have_a_better_bargain_go_back() -> None:
     state = begun()
     state.grow(3.0, early=False)
     now = state._bargains(state._square_errors())
-    region = int(np.bincount(now.patch).argmax())
-    others = now.patch != region
-    bargains = np.where(np.arange(len(now.bargains)) == region, 0.5, 2.0) * now.bargains
-    state._best = _Best(bargains, now.points[others], now.colors[others], now.patch[others])
+    region = int(np.bincount(now.region).argmax())
+    others = now.region != region
+    score = np.where(np.arange(len(now.score)) == region, 0.5, 2.0) * now.score
+    state._best = Bargains(score, now.points[others], now.colors[others], now.region[others])
     kept = state.points[others]
     assert state.fall_back()
     np.testing.assert_array_equal(state.points, kept)
     assert_true(state)
 
 
-def test_a_bargain_weighs_the_error_against_a_small_power_of_the_points() -> None:
-    """Few points count as if they were more; only the best bargain of each region is remembered."""
+def test_the_best_bargain_of_each_region_is_remembered() -> None:
     state = begun()
     area = np.bincount(state.foundation.geometry.patch_at().ravel())
-    squares = np.linspace(1, 2, len(area))
-    few = state._bargains(squares).bargains
-    np.testing.assert_allclose(few, squares * (FEW_A_PIXEL * area) ** LEAST_RETURN)
-    crowd(state, 800)
-    n_points = np.maximum(state._points_by_region(), FEW_A_PIXEL * area)
-    crowded = state._bargains(squares).bargains
-    np.testing.assert_allclose(crowded, squares * n_points**LEAST_RETURN)
-    state._best = None
     first, then = np.ones(len(area)), np.linspace(0.5, 1.5, len(area))
     for state._squares in (first, then):
         state._remember()
     assert state._best is not None
-    np.testing.assert_allclose(state._best.bargains, np.minimum(first, then) * n_points**LEAST_RETURN)
-    np.testing.assert_array_equal(
-        state._best.points[np.lexsort(state._best.points.T)], state.points[np.lexsort(state.points.T)]
-    )
+    without_points = np.zeros((0, 2), np.int64), np.zeros((0, 3)), np.zeros(0, np.int64)
+    expected = bargains(np.minimum(first, then), area, *without_points)
+    np.testing.assert_allclose(state._best.score, expected.score)
+
+
+def test_fit_and_residual_are_let_go_while_points_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are large: neither is there while points are placed, nor while a new mesh is laid."""
+    state = begun()
+    state.seed(5.0)
+    held = []
+
+    def watched(real: Callable[..., Any], *arguments: Any) -> Any:
+        held.append({"fit", "residual"} & vars(state).keys())
+        return real(*arguments)
+
+    for name in ("begin_placement", "lay_unfolded_canvas"):
+        monkeypatch.setattr(state_module, name, partial(watched, getattr(state_module, name)))
+    state.exchange(0.1)
+    assert held == [set(), set()]
+    assert_true(state)
 
 
 class Scripted(Refinement):
