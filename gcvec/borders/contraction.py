@@ -6,19 +6,17 @@ other borders point at one place, that border goes and the two junctions become 
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.borders.border import Border, Borders, with_nodes_in_order
-from gcvec.borders.planar_graph import MOST_AT_NODE
 
 Floats = NDArray[np.float64]
 
 MOST_SAMPLES = 5
-"""Samples of a border that may vanish, nodes included."""
+"""Samples of a border that may vanish, nodes included: too few for one that comes back to its node."""
 
 LEAST_SAMPLES = 8
 """Samples of every other border that ends at its nodes: shorter ones do not point anywhere."""
@@ -28,28 +26,20 @@ SAME_PLACE = 0.75
 
 
 def without_shortest(traced: Borders, placed: Borders) -> tuple[Borders, Borders]:
-    """Both without the borders that have shrunk to a point in `placed`, their nodes united half-way."""
-    ends = Counter(node for b in traced.borders if not b.closed for node in (b.start, b.end))
-    in_loop = [Counter(k for k, _ in loop) for region in traced.loops for loop in region]
-    left_in_loop = [len(loop) for region in traced.loops for loop in region]
-    loops_of = {k: [i for i, own in enumerate(in_loop) if k in own] for k in _shrunk(traced, placed)}
-    united: dict[int, int] = {}
-    gone = set()
-    for k, loops in loops_of.items():
-        a, b = traced.borders[k].start, traced.borders[k].end
-        if a in united or b in united or min(left_in_loop[i] for i in loops) < 3:
-            continue
-        if ends[a] + ends[b] - 2 <= MOST_AT_NODE:
-            gone.add(k)
-            united |= {a: a, b: a}
-            for i in loops:
-                left_in_loop[i] -= 1
+    """Both without the borders that have shrunk to a point in `placed`, their nodes united half-way.
+
+    No node is united twice, since the borders beside one that goes are long. Regions keep two borders.
+    """
+    needed = {k for region in traced.loops for loop in region if len(loop) < 3 for k, _ in loop}
+    gone = set(_shrunk(traced, placed)) - needed
     if not gone:
         return traced, placed
-    return _without(traced, gone, united), _without(placed, gone, united)
+    return _without(traced, gone), _without(placed, gone)
 
 
 def _shrunk(traced: Borders, placed: Borders) -> list[int]:
+    """The borders that are short, have long ones beside them, and whose nodes have come together or have
+    passed each other; none that is on the frame or ends there, where another on the frame is beside it."""
     at_node: dict[int, list[Border]] = {}
     for border in traced.borders:
         if not border.closed:
@@ -57,12 +47,10 @@ def _shrunk(traced: Borders, placed: Borders) -> list[int]:
             at_node.setdefault(border.end, []).append(border)
     found = []
     for k, border in enumerate(traced.borders):
-        if border.closed or border.on_frame or border.start == border.end:
+        if border.closed or len(border.samples) > MOST_SAMPLES:
             continue
         others = [b for node in (border.start, border.end) for b in at_node[node] if b is not border]
-        if len(border.samples) > MOST_SAMPLES or min(len(b.samples) for b in others) < LEAST_SAMPLES:
-            continue
-        if any(b.on_frame for b in others):
+        if any(b.on_frame or len(b.samples) < LEAST_SAMPLES for b in others):
             continue
         way = placed.nodes[border.end] - placed.nodes[border.start]
         drawn = traced.nodes[border.end] - traced.nodes[border.start]
@@ -71,12 +59,13 @@ def _shrunk(traced: Borders, placed: Borders) -> list[int]:
     return found
 
 
-def _without(found: Borders, gone: set[int], united: dict[int, int]) -> Borders:
-    """The borders but those that are `gone`; nodes become those that they are `united` with."""
-    nodes = found.nodes.copy()
+def _without(found: Borders, gone: set[int]) -> Borders:
+    """The borders but those that are `gone`, each of whose ends become one node."""
+    nodes, united = found.nodes.copy(), dict[int, int]()
     for k in gone:
-        a, b = found.borders[k].start, found.borders[k].end
-        nodes[united[a]] = (found.nodes[a] + found.nodes[b]) / 2
+        start, end = found.borders[k].start, found.borders[k].end
+        nodes[start] = (found.nodes[start] + found.nodes[end]) / 2
+        united[end] = start
     kept = [k for k in range(len(found.borders)) if k not in gone]
     number = {k: i for i, k in enumerate(kept)}
     borders = []

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gcvec.borders import contraction
 from gcvec.borders.border import Borders, sample_borders
 from gcvec.borders.contraction import LEAST_SAMPLES, MOST_SAMPLES, SAME_PLACE, without_shortest
-from gcvec.borders.planar_graph import planar_graph
+from gcvec.borders.planar_graph import MOST_AT_NODE, planar_graph
+from gcvec.regions.components import connected_components
 from tests.gcvec.borders.walks import assert_whole
 
 SIDE = 40
@@ -150,10 +151,41 @@ def test_no_region_is_left_with_a_single_border(sides: int, goes: bool) -> None:
     assert (len(found.borders) < len(traced.borders)) is goes
 
 
-@pytest.mark.parametrize("most", [3, 4])
-def test_no_node_gets_more_borders_than_a_file_can_hold(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
-    """Two nodes of three borders each become one of four."""
-    monkeypatch.setattr(contraction, "MOST_AT_NODE", most)
-    traced = offset_cross(2)
-    found, _ = without_shortest(traced, shrunk(traced))
-    assert (len(found.borders) < len(traced.borders)) is (most >= 4)
+@pytest.mark.parametrize("seed", range(6))
+def test_nodes_become_one_in_pairs_and_have_no_more_borders_than_a_file_can_hold(seed: int) -> None:
+    """In a map of many regions, all of whose nodes are in one place: whatever is short enough goes."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[: 3 * SIDE, : 3 * SIDE]
+    middles = rng.uniform(0, 3 * SIDE, (60, 2))
+    nearest = np.hypot(y[..., None] - middles[:, 0], x[..., None] - middles[:, 1]).argmin(axis=-1)
+    traced = of_labels(connected_components(nearest.astype(np.int32)))
+    found, _ = without_shortest(traced, replace(traced, nodes=np.zeros_like(traced.nodes)))
+    n_gone = len(traced.borders) - len(found.borders)
+    assert n_gone > 0
+    assert len(found.nodes) == len(traced.nodes) - n_gone
+    ends = Counter(node for b in found.borders if not b.closed for node in (b.start, b.end))
+    assert 3 < max(ends.values()) <= 4 + 4 - 2 <= MOST_AT_NODE
+    assert min(len(loop) for region in found.loops for loop in region) > 1
+    assert_whole(found)
+
+
+def test_a_single_pixel_that_hangs_by_its_corner_stays() -> None:
+    """The shortest border there is that comes back to its node: four cracks."""
+    labels = np.zeros((SIDE, SIDE), np.int32)
+    labels[10:20, 10:20] = 1
+    labels[20, 20] = 2
+    traced = of_labels(labels)
+    around = traced.borders[between(traced, 0, 2)]
+    assert around.start == around.end >= 0
+    assert len(around.samples) == 6 > MOST_SAMPLES
+    assert without_shortest(traced, replace(traced, nodes=np.zeros_like(traced.nodes)))[0] is traced
+
+
+def test_short_borders_along_the_frame_stay() -> None:
+    """The frame goes on beside them."""
+    labels = np.zeros((SIDE, SIDE), np.int32)
+    labels[:20, 10:12] = 1
+    traced = of_labels(labels)
+    lengths = [len(border.samples) for border in traced.borders if border.on_frame]
+    assert min(lengths) <= MOST_SAMPLES
+    assert without_shortest(traced, replace(traced, nodes=np.zeros_like(traced.nodes)))[0] is traced
