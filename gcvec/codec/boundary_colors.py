@@ -22,7 +22,7 @@ _SIZE_CONTEXTS, _SIGN_CONTEXTS, _CONTEXT_SIZE = 4, 2, 256
 _AXIS_COUNTERS = (_SIZE_CONTEXTS + _SIGN_CONTEXTS) * _CONTEXT_SIZE * NODES
 BOUNDARY_COUNTERS, BOUNDARY_ROWS, BOUNDARY_INPUTS = 3 * _AXIS_COUNTERS, 3 * NODES, _SIZE_CONTEXTS
 
-_UNKNOWN_STEP = 8
+_UNKNOWN_DIFFERENCE = 8
 """What a curve's colours are taken to differ by, in steps, before any of it is known. Like all numbers of the
 coder it is part of the format: another makes other files."""
 
@@ -49,12 +49,12 @@ def code_boundary_colors(
     known, met = np.zeros(len(result), np.bool_), np.zeros(n_patches, np.bool_)
     last = np.zeros((n_patches, 3), np.int64)
     before, change, earlier = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3, np.int64)
-    steps, steps_before = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    differences, differences_before = np.zeros(3, np.int64), np.zeros(3, np.int64)
     features, gain, power = np.zeros(_FEATURES), np.zeros((3, _FEATURES)), np.ones((3, _FEATURES))
     for side in range(len(starts) - 1):
         own = patch[side]
         before[:], change[:], earlier[:] = last[own], 0, 0
-        steps_before[:] = _UNKNOWN_STEP
+        differences_before[:] = _UNKNOWN_DIFFERENCE
         end = unknowns[starts[side + 1] - 1]
         for i in range(starts[side], starts[side + 1]):
             unknown, at = unknowns[i], i - starts[side]
@@ -72,16 +72,20 @@ def code_boundary_colors(
                         other = result[unknowns[across], axis] - result[unknowns[across - 1], axis]
                     features[3] = other / FRACTION
                     for b in range(axis):
-                        features[4 + b] = steps[b]
+                        features[4 + b] = differences[b]
                     prediction = before[axis] + nearest_integer(correction(gain[axis], features) * FRACTION)
                     turn = 3 * sign(before[axis] + change[axis] - prediction) + sign(other)
-                    _choose_contexts(model, axis, place, own, steps, steps_before, turn)
-                    offer = rounded(wanted[unknown, axis] - prediction / FRACTION, abs(steps_before[axis]))
-                    step = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, axis * NODES, offer)
-                    learn(gain[axis], power[axis], features, step)
-                    steps[axis] = step
-                    result[unknown, axis] = min(max(prediction + FRACTION * step, -FURTHEST), FURTHEST)
-                steps_before[:] = steps
+                    _choose_contexts(model, axis, place, own, differences, differences_before, turn)
+                    offer = rounded(
+                        wanted[unknown, axis] - prediction / FRACTION, abs(differences_before[axis])
+                    )
+                    difference = code_integer(
+                        coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, axis * NODES, offer
+                    )
+                    learn(gain[axis], power[axis], features, difference)
+                    differences[axis] = difference
+                    result[unknown, axis] = min(max(prediction + FRACTION * difference, -FURTHEST), FURTHEST)
+                differences_before[:] = differences
                 known[unknown] = True
             met[own] = True
             if at > 0:
@@ -93,24 +97,24 @@ def code_boundary_colors(
 
 @bare_kernel
 def _choose_contexts(
-    model: Model, axis: int, place: int, patch: int, steps: Ints, steps_before: Ints, turn: int
+    model: Model, axis: int, place: int, patch: int, differences: Ints, differences_before: Ints, turn: int
 ) -> None:
     """Choose the contexts of one coordinate: four for the size of its difference, two for the sign.
 
-    `steps` are the differences on the axes before, `steps_before` those of the colour before.
+    `differences` are those on the axes before, `differences_before` those of the colour before.
     """
     sizes, signs = 0, 0
     for b in range(axis):
-        sizes = abs(steps[b]) + sizes // 2
-        signs += (3 if b == 0 else 1) * sign(steps[b])
+        sizes = abs(differences[b]) + sizes // 2
+        signs += (3 if b == 0 else 1) * sign(differences[b])
     sizes = min(size_class(sizes), 11)
-    whole = abs(steps_before[0]) + abs(steps_before[1]) + abs(steps_before[2])
+    whole = abs(differences_before[0]) + abs(differences_before[1]) + abs(differences_before[2])
     slots = model.slots
-    slots[0] = min(size_class(2 * abs(steps_before[axis])), 15) * 4 + place
+    slots[0] = min(size_class(2 * abs(differences_before[axis])), 15) * 4 + place
     slots[1] = min(size_class(whole), 15) * 12 + sizes
     slots[2] = sizes * 4 + place
     slots[3] = min(patch, 63) * 4 + place
-    slots[4] = signs * 3 + sign(steps_before[axis])
+    slots[4] = signs * 3 + sign(differences_before[axis])
     slots[5] = turn
     last = _SIZE_CONTEXTS + _SIGN_CONTEXTS
     place_contexts(model, axis * _AXIS_COUNTERS, 0, last, _CONTEXT_SIZE, NODES)

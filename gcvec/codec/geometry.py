@@ -26,7 +26,7 @@ _SCALE = 8.0
 """Grid steps in a unit of the features of a prediction."""
 
 _ONWARD, _HOMEWARD = 0.6, 0.4
-"""Shares, in the step ahead, of the step before and of the straight way to the end: a curve has to arrive."""
+"""Shares of the stride before and of the straight way to the end in the next one: a curve has to arrive."""
 
 
 @bare_kernel
@@ -53,7 +53,7 @@ def code_geometry(coder: Coder, model: Model, table: Ints, offsets: Ints, nodes:
     """
     known = np.zeros(len(nodes), np.bool_)
     features, gain, power = np.zeros(_FEATURES), np.zeros((2, _FEATURES)), np.ones((2, _FEATURES))
-    last, step, earlier = np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2, np.int64)
+    last, stride, earlier = np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2, np.int64)
     missed, missed_before = np.zeros(2, np.int64), np.zeros(2, np.int64)
     for c in range(len(table)):
         start, end = table[c, START], table[c, END]
@@ -70,7 +70,7 @@ def code_geometry(coder: Coder, model: Model, table: Ints, offsets: Ints, nodes:
                 last[:] = nodes[node]
         if start >= 0:
             last[:] = nodes[start]
-        step[:], earlier[:], missed_before[:] = 0, 0, 8
+        stride[:], earlier[:], missed_before[:] = 0, 0, 8
         surprise = 16
         count = offsets[c + 1] - offsets[c]
         for i in range(count):
@@ -78,7 +78,7 @@ def code_geometry(coder: Coder, model: Model, table: Ints, offsets: Ints, nodes:
             place = min(i, 3) if start >= 0 else 4 + min(i, 3)
             size = min(size_class(abs(missed_before[0]) + abs(missed_before[1])), 15)
             for axis in range(2):
-                ahead = float(step[axis])
+                ahead = float(stride[axis])
                 features[:] = 0.0
                 if start >= 0:
                     toward = (nodes[end, axis] - last[axis]) / (count - i + 1)
@@ -94,7 +94,7 @@ def code_geometry(coder: Coder, model: Model, table: Ints, offsets: Ints, nodes:
                     turn = 3 * sign(missed[0]) + sign(missed_before[0])
                 guess = last[axis] + nearest_integer(ahead + _SCALE * correction(gain[axis], features))
                 sizes = min(size_class(surprise), 27) * 8 + place, across * 16 + size
-                signs = 9 * sign(missed_before[axis]) + turn, 3 * sign(step[axis]) + sign(earlier[axis])
+                signs = 9 * sign(missed_before[axis]) + turn, 3 * sign(stride[axis]) + sign(earlier[axis])
                 missed[axis] = _code_coordinate(
                     coder, model, 2 + axis, sizes, signs, control[k, axis] - guess
                 )
@@ -102,6 +102,6 @@ def code_geometry(coder: Coder, model: Model, table: Ints, offsets: Ints, nodes:
                 learn(gain[axis], power[axis], features, missed[axis] / _SCALE)
             surprise = (surprise + abs(missed[0]) + abs(missed[1])) >> 1
             missed_before[:] = missed
-            earlier[:] = step
-            step[:] = control[k] - last
+            earlier[:] = stride
+            stride[:] = control[k] - last
             last[:] = control[k]

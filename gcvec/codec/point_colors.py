@@ -134,7 +134,7 @@ def code_point_colors(
     """
     width = occupied.shape[1]
     closeness = np.zeros(_NEIGHBORS, np.int64)
-    steps = np.zeros(result.shape, np.int64)
+    differences = np.zeros(result.shape, np.int64)
     average, activity, spread = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3, np.int64)
     features, gain, power = np.zeros(_FEATURES), np.zeros((3, _FEATURES)), np.ones((3, _FEATURES))
     for i in range(len(points)):
@@ -148,20 +148,20 @@ def code_point_colors(
             activity,
             spread,
         )
-        _survey(nearby, result, steps)
+        _survey(nearby, result, differences)
         x, y = points[i, 0], points[i, 1]
         dense, pattern = min(_count(occupied, x, y) // 3, 15), _pattern(occupied, x, y)
         block = (y >> _BLOCK_BITS) * ((width >> _BLOCK_BITS) + 1) + (x >> _BLOCK_BITS)
         for axis in range(3):
-            prediction = _predict(nearby, result, steps, i, axis, gain, features)
-            _choose_sizes(model, axis, nearby, steps[i], block, pattern, dense, patch[i])
-            _choose_signs(model, axis, nearby, result, steps, i, patch[i], prediction)
+            prediction = _predict(nearby, result, differences, i, axis, gain, features)
+            _choose_sizes(model, axis, nearby, differences[i], block, pattern, dense, patch[i])
+            _choose_signs(model, axis, nearby, result, differences, i, patch[i], prediction)
             row = axis * _AXIS_ROWS + min(size_class(activity[axis]) >> 2, _SELECTORS - 1) * NODES
             offer = rounded(wanted[i, axis] - prediction / FRACTION, activity[axis] / 4)
-            step = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, row, offer)
-            learn(gain[axis], power[axis], features, step)
-            steps[i, axis] = step
-            result[i, axis] = min(max(prediction + FRACTION * step, -FURTHEST), FURTHEST)
+            difference = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, row, offer)
+            learn(gain[axis], power[axis], features, difference)
+            differences[i, axis] = difference
+            result[i, axis] = min(max(prediction + FRACTION * difference, -FURTHEST), FURTHEST)
 
 
 @bare_kernel
@@ -234,7 +234,7 @@ def _krige(points: Ints, near: Ints, square: Ints, n: int, covariance: Floats, s
 
 
 @bare_kernel
-def _survey(nearby: Surroundings, result: Ints, steps: Ints) -> None:
+def _survey(nearby: Surroundings, result: Ints, differences: Ints) -> None:
     """Find out, for every axis, what the neighbours are like."""
     near, closeness = nearby.near, nearby.closeness
     total = _BASE_WEIGHT
@@ -245,7 +245,7 @@ def _survey(nearby: Surroundings, result: Ints, steps: Ints) -> None:
         weighted, surprise, away = 0, 0, 0
         for k in range(nearby.known):
             weighted += closeness[k] * result[near[k], axis]
-            surprise += closeness[k] * abs(steps[near[k], axis])
+            surprise += closeness[k] * abs(differences[near[k], axis])
         average = weighted // total
         for k in range(nearby.known):
             away += closeness[k] * abs(result[near[k], axis] - average)
@@ -281,7 +281,7 @@ def _pattern(occupied: NDArray[np.uint8], x: int, y: int) -> int:
 
 @bare_kernel
 def _predict(
-    nearby: Surroundings, result: Ints, steps: Ints, i: int, axis: int, gain: Floats, features: Floats
+    nearby: Surroundings, result: Ints, differences: Ints, i: int, axis: int, gain: Floats, features: Floats
 ) -> int:
     """The prediction of one coordinate, in sixteenths of a step, and the `features` it is corrected by."""
     n, near, closeness = nearby.known, nearby.near, nearby.closeness
@@ -293,18 +293,18 @@ def _predict(
     if n > 0:
         features[0] = result[near[0], axis] / FRACTION - kriged
         features[1] = nearby.average[axis] / FRACTION - kriged
-        features[2] = steps[near[0], axis]
+        features[2] = differences[near[0], axis]
         features[3] = kriged / _KRIGED_SCALE
     if n > 1:
-        features[4] = steps[near[1], axis]
+        features[4] = differences[near[1], axis]
     for b in range(axis):
         # What axis b was off by, as it is, as it went along with this axis nearby, and as a slope.
         together, alone = 0, FRACTION
         for k in range(n):
-            together += closeness[k] * steps[near[k], b] * steps[near[k], axis]
-            alone += closeness[k] * steps[near[k], b] ** 2
-        features[5 + b] = steps[i, b]
-        features[7 + b] = together / alone * steps[i, b]
+            together += closeness[k] * differences[near[k], b] * differences[near[k], axis]
+            alone += closeness[k] * differences[near[k], b] ** 2
+        features[5 + b] = differences[i, b]
+        features[7 + b] = together / alone * differences[i, b]
         features[9 + b] = (result[i, b] - (result[near[0], b] if n else 0)) / FRACTION
     prediction: int = nearest_integer((kriged + correction(gain[axis], features)) * FRACTION)
     return prediction
@@ -321,7 +321,7 @@ def _choose_sizes(
     dense: int,
     patch: int,
 ) -> None:
-    """Choose the contexts for the size of a difference; `own` are the point's steps on the axes before."""
+    """Choose the contexts for the size of a difference; `own` are the point's on the axes before."""
     before = 0
     for b in range(axis):
         before = abs(own[b]) + before // 2
@@ -345,19 +345,19 @@ def _choose_signs(
     axis: int,
     nearby: Surroundings,
     result: Ints,
-    steps: Ints,
+    differences: Ints,
     i: int,
     patch: int,
     prediction: int,
 ) -> None:
     """Choose the contexts for the sign of a difference: where the nearest point is, and other signs."""
     n, near = nearby.known, nearby.near
-    first = steps[near[0], axis] if n > 0 else 0
-    second = steps[near[1], axis] if n > 1 else 0
+    first = differences[near[0], axis] if n > 0 else 0
+    second = differences[near[1], axis] if n > 1 else 0
     beyond = (result[near[0], axis] if n > 0 else 0) - prediction
     own = 0
     for b in range(axis):
-        own += (3 if b == 0 else 1) * sign(steps[i, b])
+        own += (3 if b == 0 else 1) * sign(differences[i, b])
     slots = model.slots
     slots[6] = (256 if beyond > 0 else 0) + min(size_class(abs(beyond) >> 2), 255)
     slots[7] = (3 * sign(first) + sign(second)) * 9 + own

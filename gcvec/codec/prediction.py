@@ -16,7 +16,7 @@ _RATE = 0.15
 """How much of what was missing a coefficient takes up."""
 
 _CAUTION, _OUTLIER, _START = 30.0, 10.0, 10.0
-"""What makes steps small: features that have been large, one that is large now, and any at first."""
+"""What makes changes small: features that have been large, one that is large now, and any at first."""
 
 
 @bare_kernel
@@ -38,8 +38,8 @@ def correction(gain: Floats, features: Floats) -> float:
 def learn(gain: Floats, power: Floats, features: Floats, missing: float) -> None:
     """Move the coefficients `(f,)` so that less would have been `missing`.
 
-    `power` `(f,)` sums up the squares of the features: as it grows, steps become smaller (Duchi, Hazan and
-    Singer, "Adaptive subgradient methods", 2011).
+    `power` `(f,)` sums up the squares of the features: as it grows, changes become smaller (Duchi, Hazan
+    and Singer, "Adaptive subgradient methods", 2011).
     """
     for f in range(len(features)):
         value = features[f]

@@ -204,7 +204,7 @@ def plain_control_points(
 
     def read_inner(curve: PlainCurve, n: int) -> list[Point]:
         nonlocal last
-        step, earlier, missed_before, surprise = [0, 0], [0, 0], [8, 8], 16
+        stride, earlier, missed_before, surprise = [0, 0], [0, 0], [8, 8], 16
         inner = []
         for i in range(n):
             place = min(i, 3) + (4 if curve.closed else 0)
@@ -212,10 +212,10 @@ def plain_control_points(
             missed, point = [0, 0], [0, 0]
             for axis in range(2):
                 if curve.closed:
-                    ahead, bend = float(step[axis]), 0.0
+                    ahead, bend = float(stride[axis]), 0.0
                 else:
                     toward = (nodes[curve.end][axis] - last[axis]) / (n - i + 1)
-                    ahead = toward if i == 0 else 0.6 * step[axis] + 0.4 * toward
+                    ahead = toward if i == 0 else 0.6 * stride[axis] + 0.4 * toward
                     bend = (toward - ahead) / 8
                 features = [bend, 0.0, 0.0, missed[0] / 8 if axis else 0.0]
                 if i > 0:
@@ -231,14 +231,14 @@ def plain_control_points(
                 ]
                 signs = [
                     (kind, 4, 9 * plain_sign(missed_before[axis]) + turn),
-                    (kind, 5, 3 * plain_sign(step[axis]) + plain_sign(earlier[axis])),
+                    (kind, 5, 3 * plain_sign(stride[axis]) + plain_sign(earlier[axis])),
                 ]
                 missed[axis] = model.integer(decoder, sizes, signs, kind)
                 point[axis] = guess + missed[axis]
                 corrections[axis].learn(features, missed[axis] / 8)
             surprise = (surprise + abs(missed[0]) + abs(missed[1])) >> 1
-            missed_before, earlier = missed, step
-            step = [point[0] - last[0], point[1] - last[1]]
+            missed_before, earlier = missed, stride
+            stride = [point[0] - last[0], point[1] - last[1]]
             last = point
             inner.append(point)
         return inner
