@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from gcvec.greedy.strip import (
     ENTRIES,
-    FULL,
+    EXHAUSTED,
     MOST_CORNERS,
     NOBODY,
     SPARE,
@@ -115,7 +115,7 @@ def insert(strip, vertex, start):
     if n_edges != n_holes + 2:
         return 0
     if strip.counts[ENTRIES] + n_entries > len(strip.pixel):
-        strip.counts[FULL] = 1
+        strip.counts[EXHAUSTED] = 1
         return 0
     patch, corners = strip.patch[holes[0]], strip.corners
     for i in range(n_holes):

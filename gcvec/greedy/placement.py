@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from gcvec.greedy.colors import adapt, usefulness
 from gcvec.greedy.delaunay import insert, remove
-from gcvec.greedy.queues import NONE_FULL, Full, Queue, how_many, useful
+from gcvec.greedy.queues import NONE_FULL, FullPatches, Queue, how_many, useful
 from gcvec.greedy.seats import Seats, image_of
 from gcvec.greedy.strip import (
     CANDIDATES,
-    FULL,
+    EXHAUSTED,
     NOBODY,
     TRIANGLES,
     VERTICES,
@@ -139,8 +139,8 @@ def _grow(strip, seats, queue, room, pull):
     for t in queue:
         in_vain = make_room(strip, in_vain)
         if strip.counts[VERTICES] + 1 >= len(strip.domain):
-            strip.counts[FULL] = 1
-        if strip.counts[FULL]:
+            strip.counts[EXHAUSTED] = 1
+        if strip.counts[EXHAUSTED]:
             return
         patch = strip.patch[t]
         if strip.gain[t] <= 0.0 or room[patch] == 0:
@@ -259,10 +259,10 @@ class Placement:
 
     def _limits(self, use: Floats, patch: Ints, share: float) -> Floats:
         """`(patches,)` up to which usefulness points go, if this share of them shall."""
-        full = np.zeros(self._n_patches, bool) if self._room is None else self._room == 0
+        is_full = np.zeros(self._n_patches, bool) if self._room is None else self._room == 0
         movable = np.isfinite(use)
-        limit = np.full(self._n_patches, _least(use[movable & ~full[patch]], share))
-        for p in np.flatnonzero(full):
+        limit = np.full(self._n_patches, _least(use[movable & ~is_full[patch]], share))
+        for p in np.flatnonzero(is_full):
             limit[p] = _least(use[movable & (patch == p)], share)
         return limit
 
@@ -293,7 +293,7 @@ class Placement:
             self._threshold = float(gain[wanted]) if wanted < len(gain) else 0.0
             asked, new = self._place(queues)
             if not asked:
-                return any(strip.counts[FULL] for strip in self.strips)
+                return any(strip.counts[EXHAUSTED] for strip in self.strips)
             placed += new
         return True
 
@@ -307,7 +307,7 @@ class Placement:
         seat, one = np.unique(np.concatenate(seats).astype(np.int64), return_index=True)
         return np.stack([seat % self._seats.width, seat // self._seats.width], axis=1), color[one], new[one]
 
-    def _queues(self) -> tuple[list[Queue], Full]:
+    def _queues(self) -> tuple[list[Queue], FullPatches]:
         """For each strip the triangles where a point would save something and may be, and the patches that
         may have no more points."""
 
@@ -324,16 +324,16 @@ class Placement:
         rank[order] = rank_in_group(patch[order])
         cuts = np.cumsum([len(q.gain) for q in queues])[:-1]
         ranked = [q._replace(rank=own) for q, own in zip(queues, np.split(rank, cuts), strict=True)]
-        full = self._room == 0
-        still_open = [q.where(~full[q.patch]) for q in ranked]
-        if not full.any():
+        is_full = self._room == 0
+        still_open = [q.where(~is_full[q.patch]) for q in ranked]
+        if not is_full.any():
             return still_open, NONE_FULL
         price = np.zeros(self._n_patches)
         np.maximum.at(price, patch, gain)
         owner = self._seats.patch[self._seats.triangle_at >= 0]
         area = np.bincount(owner, minlength=self._n_patches)
-        found = Full(self._squares()[full], price[full], float(area[full].sum() / area.sum()))
-        return still_open, found
+        share = float(area[is_full].sum() / area.sum())
+        return still_open, FullPatches(self._squares()[is_full], price[is_full], share)
 
     def _squares(self) -> Floats:
         """`(patches,)` squared errors."""
@@ -354,7 +354,8 @@ class Placement:
 
     def _place(self, queues: list[Queue]) -> tuple[int, int]:
         """Place points in the best triangles of each strip, and let colours adapt. How many triangles were
-        asked, in strips that are not full, and how many took a point: those that did not are asked no more.
+        asked, in strips that are not exhausted, and how many took a point: those that did not are asked no
+        more.
         """
 
         def grow(pair: tuple[Strip, Queue]) -> tuple[int, Ints, float]:
@@ -363,7 +364,7 @@ class Placement:
             left = asked.copy()
             _grow(strip, self._seats, queue, left, self._pull)
             used = asked - left
-            return int((used if strip.counts[FULL] else asked).sum()), used, self._settled(strip)
+            return int((used if strip.counts[EXHAUSTED] else asked).sum()), used, self._settled(strip)
 
         grown = in_turn(grow, list(zip(self.strips, queues, strict=True)))
         used = np.sum([new for _, new, _ in grown], axis=0)

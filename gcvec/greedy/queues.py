@@ -44,7 +44,7 @@ class Queue(NamedTuple):
         return Queue(self.triangle[chosen], self.gain[chosen], self.patch[chosen], self.rank[chosen])
 
 
-class Full(NamedTuple):
+class FullPatches(NamedTuple):
     """Patches that may have no more points.
 
     square  (f,) their squared errors
@@ -68,7 +68,7 @@ class Full(NamedTuple):
         return min(error - lack - goal, others - MOST_BETTER * goal * (1 - self.area))
 
 
-NONE_FULL = Full(np.zeros(0), np.zeros(0), 0.0)
+NONE_FULL = FullPatches(np.zeros(0), np.zeros(0), 0.0)
 
 
 def how_many(gain: Floats, missing: Callable[[float], float]) -> int:

@@ -36,14 +36,14 @@ are closed in time."""
 NOBODY = -1
 """In place of a neighbour where the strip has none, and of the first corner of an unused triangle."""
 
-TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP, FULL = range(6)
+TRIANGLES, VERTICES, ENTRIES, SPARE, STAMP, EXHAUSTED = range(6)
 
 
 class Strip(NamedTuple):
     """Mesh, coverage and error of a strip. Arrays have room for what comes.
 
-    counts      (6,) int64: triangles, vertices, entries, unused triangles, a stamp for marks, and 1 once a
-                point has found no room, else 0
+    counts      (6,) int64: triangles, vertices, entries, unused triangles, a stamp for marks, and 1 once the
+                strip is exhausted, a point having found no room in these arrays, else 0
     domain      (v, 2) vertices in the parameter domain
     image       (v, 2) where S takes them
     color       (v, 3)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gcvec.greedy.queues import FALL, MOST_BETTER, NONE_FULL, SAVED, Full, Queue, how_many, useful
+from gcvec.greedy.queues import FALL, MOST_BETTER, NONE_FULL, SAVED, FullPatches, Queue, how_many, useful
 
 gains = hnp.arrays(float, st.integers(0, 40), elements=st.floats(0.01, 10)).map(lambda g: np.sort(g)[::-1])
 
@@ -38,19 +38,19 @@ def test_without_full_patches_the_error_beyond_the_goal_is_missing() -> None:
 
 def test_full_patches_are_excused_from_what_points_at_this_price_would_have_saved() -> None:
     """Errors go with the power `SAVED` of the price: 0.6 is that of an error that falls with n^-1.5."""
-    full = Full(np.array([10.0, 5.0]), np.array([8.0, 0.1]), 0.1)
+    full = FullPatches(np.array([10.0, 5.0]), np.array([8.0, 0.1]), 0.1)
     assert full.missing(100.0, 40.0, 1.0) == pytest.approx(60 - 10 * (1 - 8**-SAVED))
     assert pytest.approx(1.5 / 2.5) == SAVED
 
 
 def test_others_are_not_made_much_better_than_all_should_be() -> None:
     """Where full patches have nearly all of the error, what others lack to half the goal on their area."""
-    full = Full(np.array([90.0]), np.array([1e-6]), 0.25)
+    full = FullPatches(np.array([90.0]), np.array([1e-6]), 0.25)
     assert full.missing(100.0, 20.0, 1.0) == pytest.approx(10 - MOST_BETTER * 20 * 0.75)
 
 
 def test_patches_that_no_point_would_help_lack_nothing() -> None:
-    assert Full(np.array([50.0]), np.array([0.0]), 0.5).missing(60.0, 55.0, 0.0) <= 5.0
+    assert FullPatches(np.array([50.0]), np.array([0.0]), 0.5).missing(60.0, 55.0, 0.0) <= 5.0
 
 
 def test_triangles_in_use_that_save_something_are_useful() -> None:
