@@ -35,7 +35,7 @@ def main() -> dict[str, float]:
         colors = fit_boundary_colors(image.network, foundation.space, hard, samples, picture, labels)
         bare = _drawn(lay_canvas(foundation, np.zeros((0, 2), np.int64)), colors)
         scene = Scene(balls().pixels, foundation, colors)
-        points, all_colors = worst_pixels(scene, TERMS, lambda step: None, StageClock())
+        points, all_colors = worst_pixels(scene, TERMS, lambda _: None, StageClock())
         refined = _drawn(lay_canvas(foundation, points), all_colors)
         result[f"mse {name}"] = float(((bare - picture) ** 2).mean() * 65025)
         result[f"points {name}"] = len(points)

@@ -9,7 +9,7 @@ from math import log
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gcvec.refinement.scene import Step
+    from gcvec.refinement.scene import Iteration
 
 BEFORE_RUNS, AFTER_RUNS = 0.1, 0.95
 """Shares of the work that are done when refinement begins and when it ends."""
@@ -73,24 +73,24 @@ class Teller:
         self._before = max(self._fraction, BEFORE_RUNS)
         self._share = (AFTER_RUNS - self._before) * (1 if last else 0.5)
 
-    def iteration(self, step: Step) -> None:
+    def iteration(self, made: Iteration) -> None:
         """A round has ended. Growth has come as far as the logarithm of the error says."""
-        self.iterations.update(step.grown)
-        if step.left is None:
-            first = self._first_mse = self._first_mse or max(step.mse, self._target_mse * 1.001)
-            gone = log(first / max(step.mse, self._target_mse)) / log(first / self._target_mse)
+        self.iterations.update(made.grown)
+        if made.left is None:
+            first = self._first_mse = self._first_mse or max(made.mse, self._target_mse * 1.001)
+            gone = log(first / max(made.mse, self._target_mse)) / log(first / self._target_mse)
             done = self._growth * min(max(gone, 0.0), 1.0)
         else:
-            self._exchanges = self._exchanges or step.left + 1
-            done = self._growth + (EXCHANGED - self._growth) * (1 - step.left / self._exchanges)
+            self._exchanges = self._exchanges or made.left + 1
+            done = self._growth + (EXCHANGED - self._growth) * (1 - made.left / self._exchanges)
         self._tell(
             "refine",
             self._before + self._share * done,
-            region=step.worst_region,
-            iteration=step.iteration,
-            points=step.points,
-            worst_error=step.worst_error,
-            mse=step.mse,
+            region=made.worst_region,
+            iteration=made.number,
+            points=made.points,
+            worst_error=made.worst_error,
+            mse=made.mse,
         )
 
     def done(self, points: int, mse: float) -> None:

@@ -21,7 +21,7 @@ from obstore.exceptions import BaseError
 
 from gcvec.parts.messages import DamagedPartError, PartRequest, PartResult, request_bytes, result_from
 from gcvec.parts.part import refine_part
-from gcvec.refinement.scene import Step
+from gcvec.refinement.scene import Iteration
 from worker import storage
 from worker.app import app
 from worker.attempt import Attempt
@@ -128,7 +128,7 @@ class FanOut:
         except redis.RedisError:
             logger.warning("job %s: part %d may be done twice", self._job.id, part)
 
-    def _check(self, _: Step) -> None:
+    def _check(self, _: Iteration) -> None:
         self._attempt.check()
 
     def _clear_away(self) -> None:

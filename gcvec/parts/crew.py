@@ -17,7 +17,7 @@ from gcvec.parts.shared import shared_pixels
 from gcvec.refinement.batch import exchanges
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.rounding import Rounding
-from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import LEAST_CHANGE
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ FIRST_GOAL = 1.5
 no part has then more points than it will need."""
 
 USUAL_ENERGY = 0.5
-"""Of colours in a pixel (`Refinement.energy`), until parts tell theirs."""
+"""Of colours in a pixel (`Refinement.energy_a_pixel`), until parts tell theirs."""
 
 SHARED_ERROR = 3.0
 """In pixels that parts share the mean error comes to about this many times that of the picture: it is larger
@@ -52,9 +52,9 @@ class Crew(Protocol):
         ...
 
 
-def refine_by(crew: Crew, scene: Scene, terms: Terms, on_step: Callable[[Step], None]) -> Start:
+def refine_by(crew: Crew, scene: Scene, terms: Terms, on_iteration: Callable[[Iteration], None]) -> Start:
     """All rounds of a picture but the last, in parts."""
-    rounds = _Rounds(crew, scene, terms, on_step)
+    rounds = _Rounds(crew, scene, terms, on_iteration)
     rounds.run((0.0,), FIRST_GOAL * rounds.own_aims())
     for _ in range(MOST_GROWTH_ROUNDS):
         points, before = rounds.n_points, rounds.square
@@ -72,12 +72,14 @@ def refine_by(crew: Crew, scene: Scene, terms: Terms, on_step: Callable[[Step], 
 class _Rounds:
     """The parts of a picture between rounds."""
 
-    def __init__(self, crew: Crew, scene: Scene, terms: Terms, on_step: Callable[[Step], None]) -> None:
+    def __init__(
+        self, crew: Crew, scene: Scene, terms: Terms, on_iteration: Callable[[Iteration], None]
+    ) -> None:
         self._crew = crew
         self._pixels = scene.pixels
         self._prior = scene.boundary_colors
         self._terms = terms
-        self._on_step = on_step
+        self._on_iteration = on_iteration
         self._done = 0
         foundation = scene.foundation
         self._parts = [part_of(foundation, patches) for patches in divided(foundation, crew.parts)]
@@ -108,8 +110,8 @@ class _Rounds:
     def fair_aim(self) -> float:
         """The mean squared error to aim at (0-255 scale)."""
         n = self._pixels.size / 3
-        energy = sum(state.energy for state in self._states) / n if self._done else USUAL_ENERGY
-        return Rounding(self._terms.target_mse, self._terms.steps).aim(energy)
+        energy_a_pixel = sum(state.total_energy for state in self._states) / n if self._done else USUAL_ENERGY
+        return Rounding(self._terms.target_mse, self._terms.steps).aim(energy_a_pixel)
 
     @property
     def aim(self) -> float:
@@ -156,12 +158,12 @@ class _Rounds:
             self._states[result.number] = replace(result, course=course)
         self._done += 1
         self._shared = shared_pixels(self._pixels, self._parts, self._states)
-        self._on_step(self._step(left=0 if any(shares) else None))
+        self._on_iteration(self._iteration(left=0 if any(shares) else None))
 
-    def _step(self, left: int | None) -> Step:
+    def _iteration(self, left: int | None) -> Iteration:
         worst = max(self._states, key=lambda state: state.square)
         grown = [self._parts[state.number].patches[state.grown] for state in self._states]
-        return Step(
+        return Iteration(
             self._done,
             self.n_points,
             int(self._parts[worst.number].patches[0]),
@@ -196,7 +198,7 @@ def _unborn(number: int, colors: Floats) -> PartResult:
         lack=0.0,
         square_shared=0.0,
         course=np.zeros((0, 2)),
-        energy=0.0,
+        total_energy=0.0,
         bias=1.0,
         worst=0.0,
         grown=np.zeros(0, np.int64),

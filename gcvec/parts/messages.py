@@ -89,7 +89,7 @@ class PartResult:
     square  its squared error, and that at shared pixels, which is measured against what was wanted there
     lack    so much of it there is because regions that may have no more points are worse than wanted
     course  (k, 2) how many points it had, and its squared error, turn after turn
-    energy  of its colours, summed
+    total_energy  of its colours, summed over them
     bias    see `PartRequest`
     worst   its largest absolute error (0-255 scale)
     grown   (g,) int64, its patches that got points
@@ -106,7 +106,7 @@ class PartResult:
     lack: float
     square_shared: float
     course: Floats
-    energy: float
+    total_energy: float
     bias: float
     worst: float
     grown: Ints
@@ -157,7 +157,7 @@ def result_bytes(result: PartResult) -> bytes:
         grown=result.grown,
         counts=np.array([result.number, result.more], np.int64),
         figures=np.array(
-            [result.square, result.lack, result.square_shared, result.energy, result.bias, result.worst]
+            [result.square, result.lack, result.square_shared, result.total_energy, result.bias, result.worst]
         ),
         shared=result.shared,
         cover=result.cover,
@@ -227,7 +227,7 @@ def _result(file: Any) -> PartResult:
     points, colors = _pairs(file["points"]), file["colors"]
     _demand(colors.shape[1:] == (3,) and len(colors) >= len(points))
     number, more = file["counts"].tolist()
-    square, lack, square_shared, energy, bias, worst = file["figures"].tolist()
+    square, lack, square_shared, total_energy, bias, worst = file["figures"].tolist()
     shared, cover, given = file["shared"], file["cover"], file["given"]
     _demand(shared.ndim == 1 and cover.shape == shared.shape and given.shape == (len(shared), 3))
     course, grown = file["course"], file["grown"]
@@ -240,7 +240,7 @@ def _result(file: Any) -> PartResult:
         lack=lack,
         square_shared=square_shared,
         course=course,
-        energy=energy,
+        total_energy=total_energy,
         bias=bias,
         worst=worst,
         grown=grown,

@@ -12,7 +12,7 @@ from gcvec.error_scale import PEAK_SQUARE, told_mse
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.patches.canonical import lay_foundation
 from gcvec.quantization import Quantization
-from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
 
@@ -24,25 +24,25 @@ MOST_SPARE = 0.5
 
 
 def refine_part(
-    request: PartRequest, pixels: NDArray[np.uint8], on_step: Callable[[Step], None]
+    request: PartRequest, pixels: NDArray[np.uint8], on_iteration: Callable[[Iteration], None]
 ) -> PartResult:
     """Do what is asked of a part of the photo `(h, w, 3)`, all of it, as if the rest of it stood still.
 
     In pixels that it shares with others it is compared with what it is wanted to give to them: where nobody
     has said what that is, with what it gives at the beginning of the round.
 
-    The same request has the same result wherever it is done. `on_step` hears of every turn; an exception it
-    raises ends the work.
+    The same request has the same result wherever it is done. `on_iteration` hears of every turn; an
+    exception it raises ends the work.
     """
     network = request.network
     column, row = network.origin or (0, 0)
     frame = pixels[row : row + network.height, column : column + network.width]
     goal = told_mse(request.goal, frame.size)
-    steps: list[Step] = []
+    iterations: list[Iteration] = []
 
-    def note(step: Step) -> None:
-        steps.append(step)
-        on_step(step)
+    def note(made: Iteration) -> None:
+        iterations.append(made)
+        on_iteration(made)
 
     state = Refinement(
         Scene(frame, lay_foundation(network, request.hard), request.prior),
@@ -61,7 +61,7 @@ def refine_part(
     for share in request.shares:
         spare = min(state.spare, MOST_SPARE) if request.rounds else 0.0
         more = state.exchange(max(share, spare if spare > LEAST_SPARE else 0.0))
-    return _result(request.number, state, steps, more)
+    return _result(request.number, state, iterations, more)
 
 
 def _wanted(state: Refinement, request: PartRequest) -> NDArray[np.float32]:
@@ -73,14 +73,14 @@ def _wanted(state: Refinement, request: PartRequest) -> NDArray[np.float32]:
     return truth
 
 
-def _result(number: int, state: Refinement, steps: list[Step], more: bool) -> PartResult:
-    """A part as it is after these steps; `more`: whether more points would help."""
+def _result(number: int, state: Refinement, iterations: list[Iteration], more: bool) -> PartResult:
+    """A part as it is after these iterations; `more`: whether more points would help."""
     cover = _covered(state.fit)
     shared = np.flatnonzero((cover > SLIVER) & (cover < 1 - SLIVER))
     beside = state.residual[shared]
     square = state.truth.size / PEAK_SQUARE
-    grown = frozenset[int]().union(*(step.grown for step in steps))
-    course = [(step.points, step.mse * square) for step in steps if step.points]
+    grown = frozenset[int]().union(*(made.grown for made in iterations))
+    course = [(made.points, made.mse * square) for made in iterations if made.points]
     return PartResult(
         number=number,
         points=state.points,
@@ -89,7 +89,7 @@ def _result(number: int, state: Refinement, steps: list[Step], more: bool) -> Pa
         lack=state.lack * square,
         square_shared=float(np.sum(beside**2, dtype=np.float64)),
         course=np.array(course, np.float64).reshape(-1, 2),
-        energy=float(state.fit.energy.sum()),
+        total_energy=float(state.fit.energy.sum()),
         bias=state.bias,
         worst=float(np.abs(state.residual).max() * 255),
         grown=np.array(sorted(grown), np.int64),

@@ -13,7 +13,7 @@ from gcvec.quantization import Quantization
 from gcvec.refinement.draft import Draft, drafted
 from gcvec.refinement.landing import landed
 from gcvec.refinement.rounding import Rounding
-from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import FEW, GROWTH, LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
 
@@ -61,7 +61,7 @@ MORE_EXCHANGES = (0.15, 0.1)
 def refine_batch(
     scene: Scene,
     terms: Terms,
-    on_step: Callable[[Step], None],
+    on_iteration: Callable[[Iteration], None],
     clock: StageClock,
     start: Start | None = None,
 ) -> Draft:
@@ -70,7 +70,7 @@ def refine_batch(
     `start` is there where the rounds up to the last exchange have been done.
     """
     rounding = Rounding(terms.target_mse, terms.steps)
-    state = Refinement(scene, terms, rounding.aim, on_step, clock, start)
+    state = Refinement(scene, terms, rounding.aim, on_iteration, clock, start)
     target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
     def file(steps: Quantization) -> Draft:
@@ -79,9 +79,9 @@ def refine_batch(
     def settled() -> Draft:
         state.settle()
         with clock.stage("encode"):
-            cost = rounding.cost(terms.steps, state.energy)
+            cost = rounding.cost(terms.steps, state.energy_a_pixel)
             found = landed(file, terms.steps, state.mse, cost, target_mse + state.lack)
-        rounding.learn(found.steps, state.energy, state.mse, found.mse, state.lack)
+        rounding.learn(found.steps, state.energy_a_pixel, state.mse, found.mse, state.lack)
         return found
 
     state.begin()
@@ -93,7 +93,7 @@ def refine_batch(
     if start is None:
         state.seed(state.aim)
         more = state.grow(effort.growth, early=bool(effort.exchanges))
-        if more or state.full:  # where no more points help, none can be spared
+        if more or state.has_full_region:  # where no more points help, none can be spared
             shares = exchanges(terms.effort, len(state.points))
             for n, share in enumerate(shares, start=1):
                 state.left = len(shares) - n

@@ -41,7 +41,7 @@ def drafted(canvas: Canvas, points: Ints, colors: Floats, scene: Scene, steps: Q
         colors[:n_boundary],
         points,
         colors[n_boundary:],
-        scene.labels,
+        scene.names,
         steps,
     )
     # A decoder lays the same foundation and canvas again.

@@ -24,7 +24,7 @@ from gcvec.patches.patch import solve_blend
 from gcvec.raster.triangle import barycentric_at
 from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.draft import Draft, by_rows, drafted
-from gcvec.refinement.scene import Scene, Step, Terms
+from gcvec.refinement.scene import Iteration, Scene, Terms
 from gcvec.timing import StageClock
 
 Floats = NDArray[np.float64]
@@ -34,10 +34,12 @@ WEIGHT = 30.0
 """w of equation (7)."""
 
 
-def refine_paper(scene: Scene, terms: Terms, on_step: Callable[[Step], None], clock: StageClock) -> Draft:
+def refine_paper(
+    scene: Scene, terms: Terms, on_iteration: Callable[[Iteration], None], clock: StageClock
+) -> Draft:
     """A file with every region's own error below the target: that of colours before
     they are rounded. Every iteration adds one point."""
-    points, colors = worst_pixels(scene, terms, on_step, clock)
+    points, colors = worst_pixels(scene, terms, on_iteration, clock)
     with clock.stage("encode"):
         order, n_boundary = by_rows(points), len(scene.boundary_colors)
         points = points[order]
@@ -47,7 +49,7 @@ def refine_paper(scene: Scene, terms: Terms, on_step: Callable[[Step], None], cl
 
 
 def worst_pixels(
-    scene: Scene, terms: Terms, on_step: Callable[[Step], None], clock: StageClock
+    scene: Scene, terms: Terms, on_iteration: Callable[[Iteration], None], clock: StageClock
 ) -> tuple[Ints, Floats]:
     """The loop itself: control points `(m, 2)` and all colours `(b + m, 3)`.
 
@@ -71,7 +73,7 @@ def worst_pixels(
                     break
                 state.refit(region, mesh)
                 n = len(state.points)
-                on_step(Step(n, n, region, state.worst(), state.mse(), frozenset({region})))
+                on_iteration(Iteration(n, n, region, state.worst(), state.mse(), frozenset({region})))
         grown = len(state.points) > before
     return state.points, np.concatenate([scene.boundary_colors, state.colors])
 

@@ -24,7 +24,7 @@ LEAST_AIM = 0.5
 class Rounding:
     """What is known of it: more with every file. Errors are mean squared ones on the 0-255 scale.
 
-    `energy` is what all colours give to a pixel, in squares, of the picture in question.
+    `energy_a_pixel` is what all colours give to a pixel, in squares, of the picture in question.
     """
 
     def __init__(self, target_mse: float, steps: Quantization) -> None:
@@ -34,25 +34,27 @@ class Rounding:
         self._loss = LOSS
         self._margin = CAREFUL
 
-    def cost(self, steps: Quantization, energy: float) -> float:
+    def cost(self, steps: Quantization, energy_a_pixel: float) -> float:
         """The error that rounding is expected to add, to these steps and then to 8 bits.
 
         Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
         picture as the colour has energy there.
         """
-        return (1 + self._loss * PEAK_SQUARE * steps.point**2 * energy) / 12
+        return (1 + self._loss * PEAK_SQUARE * steps.point**2 * energy_a_pixel) / 12
 
-    def aim(self, energy: float) -> float:
+    def aim(self, energy_a_pixel: float) -> float:
         """The error before rounding that leaves the target after it."""
-        left = self._target_mse - self.cost(self._steps, energy)
+        left = self._target_mse - self.cost(self._steps, energy_a_pixel)
         return self._margin * max(left, LEAST_AIM * self._target_mse)
 
-    def learn(self, steps: Quantization, energy: float, before: float, after: float, lack: float) -> None:
+    def learn(
+        self, steps: Quantization, energy_a_pixel: float, before: float, after: float, lack: float
+    ) -> None:
         """See what rounding has cost: the error was `before`, and is `after` in a file with these steps.
 
         `lack` is what no point can save of either.
         """
-        missed_by = (after - lack) / self._target_mse * self.aim(energy) / max(before - lack, 1e-9)
-        self._loss *= max((after - before) / self.cost(steps, energy), LEAST_LESSON)
+        missed_by = (after - lack) / self._target_mse * self.aim(energy_a_pixel) / max(before - lack, 1e-9)
+        self._loss *= max((after - before) / self.cost(steps, energy_a_pixel), LEAST_LESSON)
         if after - lack > self._target_mse:
             self._margin *= MORE_CAREFUL / max(missed_by, 1.0)

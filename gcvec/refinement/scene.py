@@ -19,13 +19,13 @@ class Scene:
     pixels           (h, w, 3) uint8, the photo
     foundation       curves, parameter domains and S
     boundary_colors  (b, 3) float64 in [0, 1], their first estimates (section 4.3)
-    labels           names of the regions
+    names            of the regions
     """
 
     pixels: NDArray[np.uint8]
     foundation: Foundation
     boundary_colors: NDArray[np.float64]
-    labels: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,14 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Step:
-    """What a round found and did. Errors are on the 0-255 scale; `grown` are the regions that got points, and
-    `left` is how many rounds are planned after it, None while nobody knows."""
+class Iteration:
+    """What a round, or with the paper's strategy a further point, has come to.
 
-    iteration: int
+    Errors are on the 0-255 scale; `grown` are the regions that got points, and `left` is how many rounds are
+    planned after it, None while nobody knows.
+    """
+
+    number: int
     points: int
     worst_region: int
     worst_error: float

@@ -100,16 +100,16 @@ def _diffused(density, blocked):
     points = np.zeros((height, width), np.bool_)
     row, below = np.zeros(width + 2), np.zeros(width + 2)
     for y in range(height):
-        step = 1 if y % 2 == 0 else -1
+        ahead = 1 if y % 2 == 0 else -1
         for i in range(width):
-            x = i if step == 1 else width - 1 - i
+            x = i if ahead == 1 else width - 1 - i
             wanted = density[y, x] + row[x + 1]
             points[y, x] = wanted >= 0.5 and not blocked[y, x]
             error = wanted - 1.0 if points[y, x] else wanted
-            row[x + 1 + step] += error * 7 / 16
-            below[x + 1 - step] += error * 3 / 16
+            row[x + 1 + ahead] += error * 7 / 16
+            below[x + 1 - ahead] += error * 3 / 16
             below[x + 1] += error * 5 / 16
-            below[x + 1 + step] += error * 1 / 16
+            below[x + 1 + ahead] += error * 1 / 16
         row, below = below, row
         below[:] = 0.0
     return points

@@ -22,7 +22,7 @@ from gcvec.patches.canonical import lay_unfolded_canvas
 from gcvec.refinement.bargains import LEAST_RETURN, Bargains, bargains
 from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.draft import by_rows
-from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.seeding import find_seeds
 from gcvec.timing import StageClock
 
@@ -118,12 +118,12 @@ class Refinement:
         scene: Scene,
         terms: Terms,
         aim: Callable[[float], float],
-        on_step: Callable[[Step], None],
+        on_iteration: Callable[[Iteration], None],
         clock: StageClock,
         start: Start | None = None,
     ) -> None:
-        """`aim` tells from `energy` the mean squared error to come to. Without a `start` there are no points
-        yet."""
+        """`aim` tells from `energy_a_pixel` the mean squared error to come to. Without a `start` there are no
+        points yet."""
         self.foundation = scene.foundation
         start = start or Start(np.zeros((0, 2), np.int64), scene.boundary_colors, 0)
         self.points, self.colors = start.points, start.colors
@@ -135,7 +135,7 @@ class Refinement:
         self.left: int | None = None
         self.bias, self.lack = 1.0, start.lack
         self._max_points = terms.max_points
-        self._on_step = on_step
+        self._on_iteration = on_iteration
         self._clock = clock
         self._best: Bargains | None = None
         self._areas = self._by_region()
@@ -155,10 +155,10 @@ class Refinement:
     @property
     def aim(self) -> float:
         """The error to aim at before colours are rounded."""
-        return self._aim(self.energy)
+        return self._aim(self.energy_a_pixel)
 
     @property
-    def energy(self) -> float:
+    def energy_a_pixel(self) -> float:
         """What all colours give to a pixel, in squares."""
         return float(self.fit.energy.sum()) / len(self.truth)
 
@@ -295,7 +295,7 @@ class Refinement:
         return square_of(mse, self.truth.size)
 
     @property
-    def full(self) -> bool:
+    def has_full_region(self) -> bool:
         """Whether a region has as many points as it may have."""
         return bool(self._max_points) and int(self._points_by_region().max()) >= self._max_points
 
@@ -378,8 +378,8 @@ class Refinement:
         self._iteration += 1
         self._squares = self._square_errors()
         worst = float(np.abs(self.residual).max() * 255)
-        self._on_step(
-            Step(
+        self._on_iteration(
+            Iteration(
                 self._iteration,
                 len(self.points),
                 int(self._squares.argmax()),

@@ -60,9 +60,11 @@ class Bench:
         monkeypatch.setattr(fan_out, "refine_part", self._refine)
         monkeypatch.setattr(fan_out.app, "send_task", self._invite)
 
-    def _refine(self, request: PartRequest, pixels: np.ndarray, on_step: Callable[[Any], None]) -> PartResult:
+    def _refine(
+        self, request: PartRequest, pixels: np.ndarray, on_iteration: Callable[[Any], None]
+    ) -> PartResult:
         assert pixels is PIXELS
-        on_step(None)
+        on_iteration(None)
         self.own.append(request.number)
         meanwhile, self.meanwhile = self.meanwhile, lambda: None
         meanwhile()

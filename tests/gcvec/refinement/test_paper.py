@@ -25,7 +25,7 @@ from gcvec.refinement.paper import (
     turns_over,
     worst_pixels,
 )
-from gcvec.refinement.scene import Scene, Step, Terms
+from gcvec.refinement.scene import Iteration, Scene, Terms
 from gcvec.timing import StageClock
 
 WIDTH, HEIGHT = 72, 56
@@ -72,13 +72,13 @@ def start() -> tuple[Foundation, np.ndarray]:
     return image.foundation, image.boundary_colors
 
 
-def refined(target_mse: float, max_points: int = 0) -> tuple[np.ndarray, np.ndarray, list[Step]]:
+def refined(target_mse: float, max_points: int = 0) -> tuple[np.ndarray, np.ndarray, list[Iteration]]:
     foundation, boundary_colors = start()
-    steps: list[Step] = []
+    made: list[Iteration] = []
     scene = Scene(case().pixels, foundation, boundary_colors)
     terms = Terms(target_mse, Quantization(), max_points)
-    points, colors = worst_pixels(scene, terms, steps.append, StageClock())
-    return points, colors, steps
+    points, colors = worst_pixels(scene, terms, made.append, StageClock())
+    return points, colors, made
 
 
 def test_without_points_both_strategies_start_from_the_same_patch() -> None:
@@ -141,10 +141,10 @@ def can_be_a_point(foundation: Foundation, place: np.ndarray, region: int) -> bo
 
 
 def test_every_iteration_adds_one_point_and_reports_once() -> None:
-    points, _, steps = refined(20.0)
-    assert [s.iteration for s in steps] == list(range(1, len(points) + 1))
-    assert [s.points for s in steps] == list(range(1, len(points) + 1))
-    assert steps[-1].mse < 20.0 < steps[0].mse
+    points, _, made = refined(20.0)
+    assert [one.number for one in made] == list(range(1, len(points) + 1))
+    assert [one.points for one in made] == list(range(1, len(points) + 1))
+    assert made[-1].mse < 20.0 < made[0].mse
     image, progress = run("paper")
     assert image.report is not None
     assert sum(p.phase == "refine" for p in progress) == image.report.points

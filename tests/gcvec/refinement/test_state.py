@@ -14,7 +14,7 @@ from gcvec.quantization import Quantization
 from gcvec.raster import paint
 from gcvec.refinement import state as state_module
 from gcvec.refinement.bargains import LEAST_RETURN, Bargains, bargains
-from gcvec.refinement.scene import Scene, Start, Step, Terms
+from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import (
     CROWDED,
     EARLY,
@@ -50,11 +50,11 @@ def state_of(
     aim: float = 5.0,
     max_points: int = 0,
     start: Start | None = None,
-    on_step: Callable[[Step], None] = lambda _: None,
+    on_iteration: Callable[[Iteration], None] = lambda _: None,
 ) -> Refinement:
     scene = Scene(photo() if pixels is None else pixels, FOUNDATION, np.full((N_BOUNDARY, 3), 0.5))
     terms = Terms(aim, Quantization(), max_points)
-    return Refinement(scene, terms, lambda _: aim, on_step, StageClock(), start)
+    return Refinement(scene, terms, lambda _: aim, on_iteration, StageClock(), start)
 
 
 def begun(aim: float = 5.0, max_points: int = 0) -> Refinement:
@@ -89,14 +89,14 @@ def test_every_round_leaves_a_state_that_is_true() -> None:
     state = state_of()
     state.begin()
     assert_true(state)
-    for step in (
+    for change in (
         lambda: state.seed(5.0),
         lambda: state.grow(3.0, early=False),
         lambda: state.exchange(0.2),
         lambda: state.catch_up(),
         lambda: state.settle(),
     ):
-        step()
+        change()
         assert_true(state)
     assert state.foundation.geometry.mesh.n_points == 0
     assert len(state.canvas.foldovers()) == 0
@@ -140,7 +140,7 @@ def test_colours_are_pulled_to_their_first_estimates_and_to_the_photo() -> None:
 def test_energy_is_what_colours_give_to_a_pixel_in_squares() -> None:
     state = begun()
     state.seed(5.0)
-    assert state.energy == pytest.approx(state.fit.design.power(2).sum() / N_PIXELS, rel=1e-4)
+    assert state.energy_a_pixel == pytest.approx(state.fit.design.power(2).sum() / N_PIXELS, rel=1e-4)
 
 
 def test_it_can_be_compared_with_another_picture() -> None:
@@ -175,30 +175,30 @@ def test_a_round_places_no_more_than_it_may() -> None:
 
 def test_regions_fill_up_to_their_bound() -> None:
     state = begun(aim=0.1, max_points=6)
-    assert not state.full
+    assert not state.has_full_region
     while state.catch_up():
         pass
     count = np.bincount(state.canvas.patch_of_points())
     assert count.max() == 6
-    assert state.full
+    assert state.has_full_region
     assert (state._room() == 6 - state._points_by_region()).all()
     assert state.lack > 0
     assert state.open_mse == state.mse - state.lack
 
 
-def test_steps_are_told_with_what_has_grown() -> None:
-    steps: list[Step] = []
-    state = state_of(on_step=steps.append)
+def test_iterations_are_told_with_what_has_grown() -> None:
+    made: list[Iteration] = []
+    state = state_of(on_iteration=made.append)
     state.begin()
     state.seed(20.0)
     seeded = set(state.canvas.patch_of_points().tolist())
     state.left = 3
     state.exchange(0.1)
-    assert [step.iteration for step in steps] == [1, 2, 3]
-    assert [step.left for step in steps] == [None, None, 3]
-    assert steps[0].grown == frozenset()
-    assert steps[1].grown == seeded
-    last = steps[-1]
+    assert [one.number for one in made] == [1, 2, 3]
+    assert [one.left for one in made] == [None, None, 3]
+    assert made[0].grown == frozenset()
+    assert made[1].grown == seeded
+    last = made[-1]
     assert (last.points, last.mse) == (len(state.points), state.mse)
     assert last.worst_error == pytest.approx(255 * np.abs(state.residual).max())
     square = (state.residual**2).sum(axis=1)
@@ -209,11 +209,11 @@ def test_steps_are_told_with_what_has_grown() -> None:
 def test_it_goes_on_where_others_have_begun() -> None:
     first = begun()
     first.seed(5.0)
-    steps: list[Step] = []
+    made: list[Iteration] = []
     start = Start(first.points, first.colors, 4, 0.5)
-    again = state_of(start=start, on_step=steps.append)
+    again = state_of(start=start, on_iteration=made.append)
     again.begin()
-    assert [step.iteration for step in steps] == [5]
+    assert [one.number for one in made] == [5]
     assert again.lack == 0.5
     np.testing.assert_array_equal(again.points, first.points)
     assert again.mse <= first.mse * (1 + 1e-4)
