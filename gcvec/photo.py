@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from gcvec.codec.limits import MOST_PIXELS
 from gcvec.errors import InputError
+
+MOST_PIXELS = 1 << 26
+"""No file holds a larger picture: that is part of the format (`gcvec.codec.limits`)."""
 
 
 def require_photo(pixels: Any) -> None:

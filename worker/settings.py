@@ -16,6 +16,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from gcvec.errors import InputError
 from gcvec.hex_color import HEX_COLOR
 from gcvec.io import Limits
+from gcvec.photo import MOST_PIXELS
 
 _SHORTEST_KEY: Final = 16
 _DATABASE: Final = re.compile(r"/?\d*")
@@ -70,17 +71,23 @@ class Settings(BaseSettings):
     max_unfinished_jobs: int = Field(default=1_000, ge=0, description="of one key; 0: no limit")
     max_stored_bytes: int = Field(default=20_000_000_000, ge=0, description="of one key; 0: no limit")
 
-    max_upload_bytes: int = Field(default=25_000_000, gt=0, description="largest picture or annotation file")
+    max_upload_bytes: int = Field(
+        default=Limits.annotation_bytes, gt=0, description="largest picture or annotation file"
+    )
     max_pixels: int = Field(
-        default=64_000_000,
+        default=Limits.max_pixels,
         gt=0,
-        le=1 << 26,
+        le=MOST_PIXELS,
         description="most pixels of a picture; no file holds more than 2^26",
     )
-    max_side: int = Field(default=16_384, gt=0, description="longest side of a picture, pixels")
-    max_polygons: int = Field(default=2_000, gt=0, description="most polygons of a picture")
-    max_polygon_vertices: int = Field(default=20_000, gt=0, description="most vertices of one polygon")
-    max_vertices: int = Field(default=200_000, gt=0, description="most vertices of all polygons together")
+    max_side: int = Field(default=Limits.max_side, gt=0, description="longest side of a picture, pixels")
+    max_polygons: int = Field(default=Limits.max_polygons, gt=0, description="most polygons of a picture")
+    max_polygon_vertices: int = Field(
+        default=Limits.max_vertices_per_polygon, gt=0, description="most vertices of one polygon"
+    )
+    max_vertices: int = Field(
+        default=Limits.max_vertices, gt=0, description="most vertices of all polygons together"
+    )
 
     matte: str = Field(
         default="#ffffff",

@@ -10,7 +10,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from gcvec.options import Options
+from gcvec.options import MOST_EFFORT, Options
 
 Function = Callable[..., Any]
 
@@ -85,7 +85,7 @@ _VECTORIZATION = (
         "--effort",
         type=int,
         default=Options.effort,
-        metavar="1..9",
+        metavar=f"1..{MOST_EFFORT}",
         help="Time to spend on fewer control points; batch strategy only.",
     ),
     click.option(

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from gcvec.borders.planar_graph import MOST_AT_NODE, OUTSIDE
 from gcvec.codec.topology import END, LEFT_PATCH, LEVEL, RIGHT_PATCH, SEGMENTS, START
 from gcvec.curves.domain import FINEST_LEVEL
+from gcvec.photo import MOST_PIXELS
 from gcvec.quantization import Quantization
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-MOST_PIXELS = 1 << 26
 
 PIXELS_A_BYTE = 4096
 """Pixels that one byte of a stream allows; few pictures are so empty that it takes padding."""

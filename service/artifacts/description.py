@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -11,6 +11,9 @@ Color = Annotated[
     list[float], Field(min_length=3, max_length=3, description="red, green, blue: sRGB, 0 to 1")
 ]
 Id = Annotated[int, Field(ge=0)]
+
+LARGEST_NUMBER: Final = 2**31
+"""Of patches, curves, points and revisions, where a client names them."""
 
 
 class _Model(BaseModel):

@@ -8,6 +8,7 @@ from typing import Annotated
 from anyio import to_thread
 from fastapi import Depends, Path
 
+from service.artifacts.description import LARGEST_NUMBER
 from service.deps import JobDep, Services, ServicesDep
 from service.errors import ProblemError
 from service.quota import require_room
@@ -50,7 +51,7 @@ async def original(job: JobDep, services: ServicesDep) -> Result:
 async def revised(
     job: JobDep,
     services: ServicesDep,
-    revision: Annotated[int, Path(ge=1, le=2**31, description="The revision's number.")],
+    revision: Annotated[int, Path(ge=1, le=LARGEST_NUMBER, description="The revision's number.")],
 ) -> Result:
     """The revision that the address names."""
     return await find_result(services, job, revision)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, field_validator
 
 from gcvec.hex_color import HEX_COLOR
-from gcvec.options import Options
+from gcvec.options import MOST_EFFORT, Options
 from service.errors import ProblemView
 from worker.artifacts import EXPORTS, KINDS
 from worker.job import Job, Status
@@ -48,7 +48,9 @@ class JobOptions(BaseModel):
     snap: float = Field(
         Options.snap, description="pixels that annotated borders may move onto edges; 0: only made smooth"
     )
-    effort: Count = Field(Options.effort, description="1 to 9: time to spend on fewer control points")
+    effort: Count = Field(
+        Options.effort, description=f"1 to {MOST_EFFORT}: time to spend on fewer control points"
+    )
     target_bytes: Count = Field(
         Options.target_bytes,
         description="largest file; the error is as small as it allows; 0: target_mse decides",

@@ -6,12 +6,13 @@ from typing import Annotated, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from service.artifacts.description import LARGEST_NUMBER
 from service.jobs.schemas import Color, job_path
 from worker.artifacts import EXPORTS, KINDS, REVISED
 
 _MOST_CHANGES: Final = 10_000
 
-Index = Annotated[int, Field(ge=0, le=2**31)]
+Index = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
 Shift = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, description="pixels")]
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from gcvec.borders.planar_graph import MOST_AT_NODE, OUTSIDE
 from gcvec.codec.limits import (
-    MOST_PIXELS,
     PIXELS_A_BYTE,
     POINTS_A_BYTE,
     TEXT_A_BYTE,
@@ -22,6 +21,7 @@ from gcvec.codec.limits import (
 )
 from gcvec.codec.topology import END, LEFT_PATCH, LEVEL, RIGHT_PATCH, SEGMENTS, START
 from gcvec.curves.domain import FINEST_LEVEL
+from gcvec.photo import MOST_PIXELS
 from gcvec.quantization import Quantization
 
 PLENTY = 1 << 20

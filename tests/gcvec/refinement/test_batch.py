@@ -7,6 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from gcvec import Annotations, Options, Shape, VectorImage, vectorize
+from gcvec.options import MOST_EFFORT
+from gcvec.refinement.batch import EFFORTS
 from tests.gcvec.scenes import noise
 
 
@@ -55,3 +57,7 @@ def test_points_that_buy_nothing_are_given_back_region_by_region() -> None:
     assert smooth.mse < 8
     assert smooth.points > 100
     assert hard.points < 600
+
+
+def test_there_is_something_to_do_at_every_effort() -> None:
+    assert list(EFFORTS) == list(range(1, MOST_EFFORT + 1))
