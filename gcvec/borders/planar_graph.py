@@ -25,7 +25,7 @@ OUTSIDE = -1
 """The region of everything beyond the picture."""
 
 MOST_AT_NODE = 8
-"""Ends of curves that may meet in one node; pixels have four corners, so pictures need four."""
+"""Ends of curves that may meet in one node: four where pixels do, and six where two such nodes become one."""
 
 Half = tuple[int, bool]
 """An arc (later a curve), by its number, as one of its two regions has it: whether it walks forward there."""
