@@ -56,7 +56,8 @@ class Browser:
     def page(self, width: int, height: int, scale: float = 1, touch: bool = False) -> Iterator[Page]:
         """A new tab whose viewport has this size, in CSS pixels of `scale` device pixels."""
         target = httpx.put(f"http://{self._address}/json/new?about:blank").json()
-        with connect(target["webSocketDebuggerUrl"], max_size=None) as socket:
+        # Without a bound on what it keeps: events that nobody reads would hold up the answer to its closing.
+        with connect(target["webSocketDebuggerUrl"], max_size=None, max_queue=None) as socket:
             page = Page(socket)
             page.resize(width, height, scale, touch)
             yield page
