@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from tests.broker import client_of
-from tests.running_service import start_service
+from tests.running_service import RunningService, start_service
 from tests.waiting import within
 
 pytestmark = pytest.mark.service
@@ -82,18 +82,15 @@ def test_a_broker_that_is_named_is_used(tmp_path: Path, broker_url: str) -> None
 
 
 @pytest.mark.parametrize("what", ["port", "folder"])
-def test_what_is_taken_is_named(tmp_path: Path, what: str) -> None:
-    service = start_service(tmp_path / "data", "--workers", "1")
-    port = service.url.rpartition(":")[2] if what == "port" else "0"
-    data = tmp_path / ("data" if what == "folder" else "other")
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", "gcvec.cli", "serve", "--port", port, "--data", str(data)],
-            capture_output=True,
-            text=True,
-            timeout=30,
-        )
-        assert done.returncode == 2
-        assert (port if what == "port" else str(data)) in done.stderr.splitlines()[-1]
-    finally:
-        service.stop()
+def test_what_is_taken_is_named(tmp_path: Path, running_service: RunningService, what: str) -> None:
+    port = running_service.url.rpartition(":")[2] if what == "port" else "0"
+    data = running_service.data if what == "folder" else tmp_path / "other"
+    done = subprocess.run(
+        [sys.executable, "-m", "gcvec.cli", "serve", "--port", port, "--data", str(data)],
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert done.returncode == 2
+    assert (port if what == "port" else str(data)) in done.stderr.splitlines()[-1]
+    assert httpx.get(f"{running_service.url}/readyz").status_code == 200
