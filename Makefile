@@ -16,7 +16,7 @@ demo: $(KERNELS) ## run the whole service on the sample photo; writes demo-out/
 	$(BIN)/python -m examples.demo
 
 test: $(KERNELS) ## run every test
-	$(BIN)/pytest --numprocesses 2 --dist loadfile
+	$(BIN)/pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 check: $(STAMP) ## format, lint, types, openapi in step
 	$(BIN)/ruff format --check .

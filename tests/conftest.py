@@ -6,6 +6,7 @@ import os
 import subprocess
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +17,22 @@ from tests.running_service import RunningService, start_service
 from tests.servers import in_background
 from tests.webhook_receiver import Receiver
 from worker.process import die_with
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files that take longest first, so that none of them runs alone at the end.
+
+    First those whose tests start services and mostly wait for them: three of these beside each other keep two
+    processors busy. At the end come many short ones, which fill whatever gaps there are.
+    """
+    marks: dict[Path, set[str]] = {}
+    for item in items:
+        marks.setdefault(item.path, set()).update(mark.name for mark in item.iter_markers())
+
+    def turn(item: pytest.Item) -> tuple[bool, bool]:
+        return "service" not in marks[item.path], "slow" not in marks[item.path]
+
+    items.sort(key=turn)
 
 
 @pytest.fixture(scope="session")
