@@ -134,15 +134,13 @@ def _turns_and_meetings(regions: list[shapely.Polygon]) -> tuple[Floats, Floats]
                 before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
                 cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
                 turn = np.abs(np.arctan2(cross, (before * after).sum(axis=1)))
-                for point, angle in zip(points, turn, strict=True):
-                    if not (1 < point[0] < WIDTH - 1 and 1 < point[1] < HEIGHT - 1):
-                        continue
-                    touching = sum(shapely.distance(r, shapely.Point(point)) < 1e-6 for r in regions)
-                    if touching > 2:
-                        junctions.append(point)
-                    elif angle > np.deg2rad(25):
-                        corners.append(point)
-    return np.unique(np.round(corners, 6), axis=0), np.unique(np.round(junctions, 6), axis=0)
+                away = ((points > 1) & (points < (WIDTH - 1, HEIGHT - 1))).all(axis=1)
+                distance = shapely.distance(np.array(regions)[:, None], shapely.points(points))
+                meets = (distance < 1e-6).sum(axis=0) > 2
+                junctions.append(points[away & meets])
+                corners.append(points[away & ~meets & (turn > np.deg2rad(25))])
+    turns, meetings = np.concatenate(corners), np.concatenate(junctions)
+    return np.unique(np.round(turns, 6), axis=0), np.unique(np.round(meetings, 6), axis=0)
 
 
 def _picture(scene: tuple[Solid, ...]) -> NDArray[np.uint8]:

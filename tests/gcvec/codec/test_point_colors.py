@@ -36,14 +36,11 @@ def model() -> Model:
 
 def rings(points: Ints, patch: Ints, i: int) -> list[int]:
     """The known points of the patch of point i within 48 pixels, in the order of the search."""
-    x, y = points[i]
-    found = []
-    for j in range(i):
-        dx, dy = int(points[j, 0] - x), int(points[j, 1] - y)
-        ring = max(abs(dx), abs(dy))
-        if patch[j] == patch[i] and ring <= 48:
-            found.append((dx * dx + dy * dy, ring, dy, dx, j))
-    return [j for *_, j in sorted(found)[:6]]
+    dx, dy = (points[:i] - points[i]).T
+    ring = np.maximum(abs(dx), abs(dy))
+    (known,) = np.nonzero((patch[:i] == patch[i]) & (ring <= 48))
+    order = np.lexsort([column[known] for column in (dx, dy, ring, dx * dx + dy * dy)])
+    return [int(j) for j in known[order[:6]]]
 
 
 @pytest.mark.parametrize("share", [0.002, 0.05, 0.6])
