@@ -14,11 +14,14 @@ from tests.gcvec.scenes import some_points
 
 
 def put(strip: Strip, pixel: np.ndarray, place: np.ndarray) -> bool:
-    """Put a control point of a pixel at a place of the image into the strip."""
+    """Put a control point of a pixel at a place of the image into the strip.
+
+    The walk to it begins anywhere: no frozen edge may be in its way.
+    """
     v = strip.counts[VERTICES]
     strip.domain[v] = jitter(pixel[None])[0]
     strip.image[v], strip.color[v], strip.seat[v] = place, 0.5, 0
-    for start in alive(strip):
+    for start in np.random.default_rng(v).permutation(alive(strip)):
         if insert(strip, v, start):
             strip.counts[VERTICES] += 1
             strip.whole[v] = True
