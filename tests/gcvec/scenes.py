@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import shapely
@@ -40,15 +40,7 @@ class Scene:
 
     def picture(self, seed: int = 0) -> np.ndarray:
         """Every owner in a colour and a gradient of its own, anti-aliased: `(h, w, 3) uint8`."""
-        y, x = (np.mgrid[: self.height * FINE, : self.width * FINE] + 0.5) / FINE
-        owner = np.asarray(self.owner(x, y))
-        rng = np.random.default_rng(seed)
-        n = int(owner.max()) + 1
-        color, slope = rng.uniform(40, 215, (n, 3)), rng.uniform(-30, 30, (n, 2, 3))
-        xy = np.stack([x / self.width, y / self.height], axis=-1) - 0.5
-        fine = color[owner] + (xy[..., None] * slope[owner]).sum(axis=2)
-        blocks = fine.reshape(self.height, FINE, self.width, FINE, 3).mean(axis=(1, 3))
-        return np.asarray(np.clip(blocks, 0, 255) + 0.5).astype(np.uint8)
+        return _picture(self, seed).copy()
 
     def annotations(self) -> Annotations:
         """Every region as a mask, as annotators' brushes make them."""
@@ -60,6 +52,20 @@ class Scene:
             mask = labels[y : ys.max() + 1, x : xs.max() + 1] == k
             shapes.append(Shape(label=f"region {k}", mask=mask, offset=(x, y)))
         return Annotations(shapes=tuple(shapes))
+
+
+@lru_cache(maxsize=32)
+def _picture(scene: Scene, seed: int) -> np.ndarray:
+    """Many tests begin with the same few pictures."""
+    y, x = (np.mgrid[: scene.height * FINE, : scene.width * FINE] + 0.5) / FINE
+    owner = np.asarray(scene.owner(x, y))
+    rng = np.random.default_rng(seed)
+    n = int(owner.max()) + 1
+    color, slope = rng.uniform(40, 215, (n, 3)), rng.uniform(-30, 30, (n, 2, 3))
+    xy = np.stack([x / scene.width, y / scene.height], axis=-1) - 0.5
+    fine = color[owner] + (xy[..., None] * slope[owner]).sum(axis=2)
+    blocks = fine.reshape(scene.height, FINE, scene.width, FINE, 3).mean(axis=(1, 3))
+    return np.asarray(np.clip(blocks, 0, 255) + 0.5).astype(np.uint8)
 
 
 def drawn(labels: np.ndarray) -> Scene:
