@@ -93,9 +93,9 @@ def recorded_calls() -> Iterator[Calls]:
 def main() -> None:
     """Make the library, or say why pictures will start more slowly."""
     with recorded_calls() as calls:
-        from gcvec.warm_up import warm_up
+        from gcvec.warm_up import SIDE, warm_up
 
-        warm_up()
+        warm_up(SIDE)
     try:
         calls.compile(LIBRARY, CONTENTS)
     except (ImportError, RuntimeError, OSError) as problem:

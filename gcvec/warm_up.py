@@ -10,22 +10,30 @@ from numpy.typing import NDArray
 
 logger = logging.getLogger(__name__)
 
-_SIDE = 256
+SIDE = 256
+"""Of a picture, in pixels, that calls every kernel."""
+
+_LOADING_SIDE = 64
+"""Of one that loads every module: that is enough where the kernels are in a library."""
 
 
-def warm_up() -> None:
+def warm_up(side: int | None = None) -> None:
     """Vectorize a small picture that has a bit of everything, with drawn regions and without; write its
-    regions, and every file that can be made of it."""
+    regions, and every file that can be made of it.
+
+    Without a `side`, in pixels, the picture is as small as it may be.
+    """
     from gcvec import Annotations, Options, Shape, VectorImage, vectorize
     from gcvec.export import error_map, patch_overlay
     from gcvec.export.glb import glb
     from gcvec.export.pdf import pdf
     from gcvec.export.svg import svg
     from gcvec.io import write_cvat_xml
+    from gcvec.kernels import library
     from gcvec.regions.segment import segment
 
     started = time.perf_counter()
-    pixels = _picture()
+    pixels = _picture(side or (_LOADING_SIDE if library() else SIDE))
     # They leave gaps, thin ones and wide ones, one lies on another, and one is too small to stay.
     left = np.array([[0.0, 0.0], [191.0, 0.0], [190.0, 256.0], [0.0, 256.0]])
     right = np.array([[193.0, 0.0], [256.0, 0.0], [256.0, 200.0], [192.0, 200.0]])
@@ -47,9 +55,9 @@ def warm_up() -> None:
     logger.info("engine ready after %.1f s", time.perf_counter() - started)
 
 
-def _picture() -> NDArray[np.uint8]:
-    """A shaded disc before a gradient, beside noise."""
-    y, x = np.mgrid[:_SIDE, :_SIDE].astype(float)
+def _picture(side: int) -> NDArray[np.uint8]:
+    """A shaded disc before a gradient, beside noise where there is room for it."""
+    y, x = np.mgrid[:side, :side].astype(float)
     gray = np.where(np.hypot(x - 30, y - 40) < 16, 200 - 0.1 * (x - 30) ** 2, 60 + x / 2)
     noise = np.random.default_rng(0).normal(0, 12, gray.shape)
     pixels = np.stack([gray, gray + 0.2 * y, 120 - gray / 4], axis=-1)

@@ -32,8 +32,6 @@ from worker.queues import TAKEN_ALONG
 from worker.records import JobRecords, connect
 from worker.storage import Manifest, open_store, read_manifest
 
-ROOT = Path(__file__).parents[1]
-
 LONG = {"strategy": "paper", "target_mse": 0.01, "max_points": 400}
 """Options of a job that refines for seconds, one point an iteration."""
 ENDLESS = {"strategy": "paper", "target_mse": 0.01, "max_points": 0}
@@ -72,7 +70,6 @@ class Process:
         with log.open("a") as output:
             self._process = subprocess.Popen(
                 command,
-                cwd=ROOT,
                 env={**os.environ, **environment},
                 stdin=subprocess.PIPE,
                 stdout=output,
@@ -154,8 +151,7 @@ class Fleet:
         ready: bool = True,
     ) -> Process:
         name = f"worker-{len(self.processes)}"
-        celery = ("-m", "tests.quick_worker", "-A", "worker.app", "worker")
-        command = (*celery, "--loglevel", "INFO", "--hostname", name)
+        command = ("-m", "celery", "-A", "worker.app", "worker", "--loglevel", "INFO", "--hostname", name)
         work = ("--queues", ",".join(queues), "--concurrency", str(concurrency))
         fleet = ("--without-gossip", "--without-mingle", "--without-heartbeat")
         process = self._start((sys.executable, *command, *work, *fleet), name, largest_file=largest_file)
