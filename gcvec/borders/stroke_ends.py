@@ -37,7 +37,11 @@ LARGEST_TAPER = np.deg2rad(25.0)
 LARGEST_ERROR = 0.08
 """Root mean square of the distances between the samples of a long side and its line, pixels."""
 
-NEAR = 1.5
+LEAST_TRUST, LARGEST_SHIFT = 0.5, 0.6
+"""In the step at the end of a stroke, and how far that may be from where the border turns, pixels: a stroke
+that fades out, or tapers off, has no corners."""
+
+NEAR = 1.0
 """So far from a corner, pixels, the border may be cut for it."""
 
 
@@ -52,11 +56,14 @@ class StrokeEnds(NamedTuple):
 def stroke_ends(chains: Chains, points: Floats, picture: Floats, largest_shift: float) -> StrokeEnds:
     """The ends of strokes along the chains through `points` `(n, 2)`.
 
-    How far they reach the picture shows, up to `largest_shift` pixels further or less far than the points.
+    The picture shows that they end there, and how far they reach: up to `largest_shift` pixels further or
+    less far than the points.
     """
     first, count, tip, axis, half = _ends(points, chains.offsets, chains.closed)
-    shift, _, _ = step_shifts(picture, tip, axis, np.zeros((len(tip), 2), bool))
-    tip = tip + np.clip(np.nan_to_num(shift), -largest_shift, largest_shift)[:, None] * axis
+    shift, trust, _ = step_shifts(picture, tip, axis, np.zeros((len(tip), 2), bool))
+    seen = (np.abs(shift) < LARGEST_SHIFT) & (trust > LEAST_TRUST)
+    first, count, tip, axis, half = (found[seen] for found in (first, count, tip, axis, half))
+    tip = tip + np.clip(shift[seen], -largest_shift, largest_shift)[:, None] * axis
     begin, size = chains.offsets[:-1][chains.of_sample], np.diff(chains.offsets)[chains.of_sample]
     last = begin[first] + (first - begin[first] + count) % size[first]
     return StrokeEnds(np.stack([first, last], axis=1), np.stack([tip - half, tip + half], axis=1))
