@@ -46,6 +46,34 @@ def _components(owners):
     return labels
 
 
+def bridge_slivers(owners: NDArray[np.int32], min_area: int = SLIVER_AREA) -> None:
+    """Give components of fewer than `min_area` pixels that touch another of their owner at a corner a pixel
+    beside it, in place: a line a pixel or two wide, drawn aslant, is one.
+
+    Only owners >= 0 are given pixels, and only those of lower ones: what lies above stays whole.
+    """
+    labels = connected_components(owners)
+    _bridge(owners, labels, np.bincount(labels.ravel()), min_area)
+
+
+@kernel
+def _bridge(owners, labels, areas, min_area):
+    height, width = owners.shape
+    for y in range(height - 1):
+        for x in range(width - 1):
+            for slope in range(2):
+                own, one, other = owners[y, x + slope], labels[y, x + slope], labels[y + 1, x + 1 - slope]
+                if own < 0 or owners[y + 1, x + 1 - slope] != own or one == other:
+                    continue
+                above, below = owners[y, x + 1 - slope], owners[y + 1, x + slope]
+                if min(areas[one], areas[other]) >= min_area or above == own or below == own:
+                    continue
+                if above < own and above <= below:
+                    owners[y, x + 1 - slope] = own
+                elif below < own:
+                    owners[y + 1, x + slope] = own
+
+
 def absorb_slivers(owners: NDArray[np.int32], min_area: int = SLIVER_AREA) -> NDArray[np.int32]:
     """Give every component of fewer than `min_area` pixels to the owner it shares the longest border with.
 

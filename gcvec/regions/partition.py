@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gcvec.annotations import Annotations, Shape
 from gcvec.errors import InputError
 from gcvec.plain_text import plain_label
-from gcvec.regions.components import SLIVER_AREA, absorb_slivers, connected_components
+from gcvec.regions.components import SLIVER_AREA, absorb_slivers, bridge_slivers, connected_components
 from gcvec.regions.gaps import UNCOVERED, close_gaps
 from gcvec.regions.polygon_fill import fill_ring
 
@@ -38,9 +38,10 @@ class Partition:
 def partition(annotations: Annotations, width: int, height: int) -> Partition:
     """Paint the shapes in z order (ties: later above) and settle what is left.
 
-    Thin gaps between shapes go to the nearest one, the rest of what is uncovered becomes background; every
-    4-connected component is a region, except that slivers under 16 px² join the neighbour with the longest
-    shared border. Shapes that end up without a pixel are named in `warnings`.
+    Slivers under 16 px² that touch the rest of their shape at a corner are joined to it. Thin gaps between
+    shapes go to the nearest one, the rest of what is uncovered becomes background; every 4-connected
+    component is a region, except that slivers join the neighbour with the longest shared border. Shapes that
+    end up without a pixel are named in `warnings`.
 
     Raises `InputError` ("no-usable-polygon") when no shape covers a pixel, "broken-annotations" for rings and
     masks that are none (see `Shape`).
@@ -53,6 +54,7 @@ def partition(annotations: Annotations, width: int, height: int) -> Partition:
     painted = _present(owners)
     if not painted:
         raise _unusable("no shape covers a pixel of the picture", notes)
+    bridge_slivers(owners)
     close_gaps(owners)
     owners[owners == UNCOVERED] = len(shapes)
     owners = absorb_slivers(owners)

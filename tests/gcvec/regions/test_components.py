@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from gcvec.regions.components import absorb_slivers, connected_components
+from gcvec.regions.components import absorb_slivers, bridge_slivers, connected_components
 
 owner_maps = arrays(np.int32, st.tuples(st.integers(1, 14), st.integers(1, 14)), elements=st.integers(0, 3))
 
@@ -88,3 +88,33 @@ def test_a_sliver_joins_the_longest_border_and_reunites_its_parts() -> None:
 def test_noise_of_many_owners_ends() -> None:
     noise = np.random.default_rng(3).integers(0, 1000, (300, 400)).astype(np.int32)
     assert np.bincount(connected_components(absorb_slivers(noise)).ravel()).min() >= 16
+
+
+@given(owners=owner_maps, min_area=st.integers(1, 20))
+def test_bridges_are_pixels_of_lower_owners_beside_corners(owners: NDArray[np.int32], min_area: int) -> None:
+    bridged = owners.copy()
+    bridge_slivers(bridged, min_area)
+    changed = list(zip(*np.nonzero(bridged != owners), strict=True))
+    padded = np.pad(bridged, 1, constant_values=-1)
+    for y, x in changed:
+        assert bridged[y, x] > owners[y, x]
+        around = padded[y : y + 3, x : x + 3] == bridged[y, x]
+        assert around[1, [0, 2]].any()
+        assert around[[0, 2], 1].any()
+    if min_area == 1:
+        assert not changed
+
+
+def test_a_staircase_of_pixels_becomes_one_line() -> None:
+    """As much as it takes, and from what is below."""
+    for slope in (1, -1):
+        owners = np.zeros((8, 8), np.int32)
+        for k in range(8):
+            owners[k, k if slope > 0 else 7 - k] = 2
+        bridged = owners.copy()
+        bridge_slivers(bridged)
+        assert (bridged == 2).sum() == 15
+        assert connected_components(bridged).max() == 2
+        below = np.where(owners == 2, 2, 3).astype(np.int32)
+        bridge_slivers(below)
+        np.testing.assert_array_equal(below == 2, owners == 2)

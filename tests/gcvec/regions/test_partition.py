@@ -87,6 +87,35 @@ def test_diagonal_contact_is_not_connection() -> None:
     assert names == ("a", "background", "background", "a")
 
 
+def stroke(width: float, slope: float, label: str = "stroke", z: int = 0) -> Shape:
+    """A line across most of the picture."""
+    along = np.array([1, slope]) / np.hypot(1, slope)
+    across = np.array([-along[1], along[0]]) * width / 2
+    start, end = np.array([8.3, 20 - 22 * slope]), np.array([52.1, 20 + 22 * slope])
+    return Shape(
+        label, rings=(np.array([start + across, end + across, end - across, start - across]),), z_order=z
+    )
+
+
+@pytest.mark.parametrize("width", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("slope", [-0.8, -0.5, 0.0, 0.3, 0.45, 0.7])
+def test_a_thin_line_is_one_region(width: float, slope: float) -> None:
+    labels, names = regions(stroke(width, slope))
+    own = [k for k, name in enumerate(names) if name == "stroke"]
+    assert len(own) == 1
+    x = np.nonzero(labels == own[0])[1]
+    assert x.min() <= 9
+    assert x.max() >= 50
+
+
+def test_what_lies_above_is_not_cut_by_lines_below() -> None:
+    """Two thin lines that cross: the upper one goes through."""
+    for up, down in ((0.7, -0.6), (-0.6, 0.7)):
+        _, names = regions(stroke(1.2, up, "upper", 1), stroke(1.2, down, "lower", 0))
+        assert names.count("upper") == 1
+        assert names.count("lower") == 2
+
+
 def test_masks_paint_like_polygons_and_may_leave_the_picture() -> None:
     mask = np.ones((20, 30), dtype=bool)
     mask[:, :10] = False
