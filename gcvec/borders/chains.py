@@ -34,6 +34,16 @@ class Chains:
         return np.repeat(np.arange(len(self.which)), np.diff(self.offsets))
 
     @cached_property
+    def first(self) -> Ints:
+        """The first sample `(n,)` of every sample's chain."""
+        return self.offsets[self.of_sample]
+
+    @cached_property
+    def size(self) -> Ints:
+        """How many samples `(n,)` every sample's chain has."""
+        return np.asarray(np.diff(self.offsets)[self.of_sample])
+
+    @cached_property
     def at_node(self) -> Flags:
         """Which samples `(n,)` are nodes."""
         ends = np.zeros(self.offsets[-1], bool)
@@ -55,7 +65,7 @@ class Chains:
         return self._known[steps]
 
     def _along(self, steps: int) -> tuple[Ints, Flags]:
-        first, size = self.offsets[self.of_sample], np.diff(self.offsets)[self.of_sample]
+        first, size = self.first, self.size
         place = np.arange(self.offsets[-1]) - first + steps
         round_ = self.closed[self.of_sample]
         there = (round_ & (2 * abs(steps) < size)) | (~round_ & (place >= 0) & (place < size))

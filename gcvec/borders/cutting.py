@@ -64,8 +64,7 @@ def _told_once(chains: Chains, single: Corners, ends: StrokeEnds) -> tuple[Flags
 
     If both corners of an end are seen by themselves, they are known better so.
     """
-    first = chains.offsets[:-1][chains.of_sample]
-    size = np.diff(chains.offsets)[chains.of_sample]
+    first, size = chains.first, chains.size
     alone, needed = np.ones(len(single.after), bool), np.ones(len(ends.after), bool)
     for i, (start, end) in enumerate(ends.after):
         ahead = (single.after - start + SIDES[0]) % size[start]

@@ -102,17 +102,17 @@ def _is_line(profile, low, high, spread):
 
 
 @kernel
-def _flat_step(profile, low, high):
-    """Where the step is between sides of one colour each: the far one's share, integrated over the profile,
-    is the length that lies beyond it."""
-    beyond = 0.0
-    for k in range(2 * _PER_SIDE + 1):
-        share, square = 0.0, 0.0
+def _step_between(profile, first, last, low, high):
+    """Where, between two of the profile's samples, the step is from a side of colour `low` to one of `high`:
+    the far one's share, integrated, is the length that lies beyond it."""
+    beyond, step = 0.0, max(_square(low, high), 1e-12)
+    for k in range(first, last + 1):
+        share = 0.0
         for c in range(3):
             share += (profile[k, c] - low[c]) * (high[c] - low[c])
-            square += (high[c] - low[c]) ** 2
-        beyond += min(max(share / square, 0.0), 1.0) * _weight(k)
-    return REACH - beyond
+        weight = SPACING / 2 if k in (first, last) else SPACING
+        beyond += min(max(share / step, 0.0), 1.0) * weight
+    return (last - _PER_SIDE) * SPACING - beyond
 
 
 @kernel
@@ -171,16 +171,7 @@ def _thin_step(profile, low, high, thin):
     else:
         last = _furthest(profile, low, _PER_SIDE + 1, 2 * _PER_SIDE + 1)
         first = _furthest(profile, profile[last], 0, _PER_SIDE)
-    beyond, step = 0.0, 1e-12
-    for c in range(3):
-        step += (profile[last, c] - profile[first, c]) ** 2
-    for k in range(first, last + 1):
-        share = 0.0
-        for c in range(3):
-            share += (profile[k, c] - profile[first, c]) * (profile[last, c] - profile[first, c])
-        weight = SPACING / 2 if k in (first, last) else SPACING
-        beyond += min(max(share / step, 0.0), 1.0) * weight
-    return (last - _PER_SIDE) * SPACING - beyond
+    return _step_between(profile, first, last, profile[first], profile[last])
 
 
 @kernel
@@ -251,7 +242,7 @@ def step_shifts(picture, points, normals, thin):
         if spread > LARGEST_SPREAD**2 * step:
             trust[i] *= UNEVEN
             continue
-        shift[i] = _flat_step(profile, low, high)
+        shift[i] = _step_between(profile, 0, 2 * _PER_SIDE, low, high)
         step, spread, ramp = _sides(profile, True, low, low_slope, high, high_slope)
         even = ramp <= LARGEST_RAMP**2 * step and spread <= LARGEST_SPREAD**2 * step
         if step >= 3 * LEAST_STEP**2 and even:

@@ -64,8 +64,8 @@ def stroke_ends(chains: Chains, points: Floats, picture: Floats, largest_shift: 
     seen = (np.abs(shift) < LARGEST_SHIFT) & (trust > LEAST_TRUST)
     first, count, tip, axis, half = (found[seen] for found in (first, count, tip, axis, half))
     tip = tip + np.clip(shift[seen], -largest_shift, largest_shift)[:, None] * axis
-    begin, size = chains.offsets[:-1][chains.of_sample], np.diff(chains.offsets)[chains.of_sample]
-    last = begin[first] + (first - begin[first] + count) % size[first]
+    begin = chains.first[first]
+    last = begin + (first - begin + count) % chains.size[first]
     return StrokeEnds(np.stack([first, last], axis=1), np.stack([tip - half, tip + half], axis=1))
 
 

@@ -13,7 +13,7 @@ SLIVER_AREA = 16
 
 
 def connected_components(owners: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number the 4-connected components of equal `owners (h, w)`, each >= 0, from 0 in raster order of their
+    """Number the 4-connected components of equal `owners (h, w)` from 0 in raster order of their
     first pixels. Pixels that touch at a corner only are not connected."""
     return np.asarray(_components(np.ascontiguousarray(owners)))
 
