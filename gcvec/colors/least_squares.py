@@ -42,6 +42,10 @@ class NormalEquations:
         _add_back(r.indptr, r.indices, r.data, tuple(shares), back)
         return back
 
+    def residual(self, x: Floats) -> Floats:
+        """r - N x for x `(n, 3)`."""
+        return self.right - self.apply(x)
+
     @cached_property
     def diagonal(self) -> Floats:
         """Diagonal of N, but for the terms of BᵀB off its own diagonal: the preconditioner."""
@@ -163,16 +167,18 @@ def solve(
     iterations: int,
     tolerance: float,
     fixed: NDArray[np.bool_] | None = None,
+    residual: Floats | None = None,
 ) -> Floats:
     """Preconditioned conjugate gradients from `start` `(n, 3)`, all columns at once.
 
     Ends after `iterations`, or when every column's residual has fallen below `tolerance` of its right-hand
-    side. Unknowns where `fixed` `(n, 3)` is set keep their start values.
+    side. Unknowns where `fixed` `(n, 3)` is set keep their start values. The `residual` `(n, 3)` at the start
+    need not be given.
     """
     scale = 1 / equations.diagonal
     moving = np.ones(start.shape, bool) if fixed is None else ~fixed
     x = start.copy()
-    residual = moving * (equations.right - equations.apply(x))
+    residual = moving * (equations.residual(x) if residual is None else residual)
     direction = scale[:, None] * residual
     energy = _sums(residual, direction)
     enough = tolerance**2 * _sums(scale[:, None] * equations.right, equations.right)
@@ -214,22 +220,23 @@ def solve_bounded(
 ) -> Floats:
     """The minimiser of xᵀ N x / 2 - xᵀ r over [0, 1], as closely as conjugate gradients come.
 
-    Unbounded first; while unknowns leave the box, a primal-dual active set method (Hintermüller, Ito and
-    Kunisch 2002) holds at their bounds those that the multipliers press there, in at most `sweeps` solves,
-    which start so close that half the iterations will do.
+    A primal-dual active set method (Hintermüller, Ito and Kunisch 2002): each of at most `sweeps` solves
+    holds at their bounds the unknowns that left them in the one before, and those that are pressed there.
+    For the first they follow from where it starts.
     """
-    x = solve(equations, start, iterations, tolerance)
-    low, high = x < 0, x > 1
-    for _ in range(sweeps):
-        if not (low.any() or high.any()):
-            break
+    x = np.clip(start, 0.0, 1.0)
+    residual = equations.residual(x)
+    low, high = (x == 0) & (residual < 0), (x == 1) & (residual > 0)
+    for sweep in range(1, sweeps + 1):
         held = low | high
-        at_bounds = np.where(high, 1.0, np.where(low, 0.0, x))
-        x = solve(equations, at_bounds, iterations // 2, tolerance, held)
-        pressure = np.where(held, equations.right - equations.apply(x), 0.0)
-        probe = x + pressure / equations.diagonal[:, None]
+        x = solve(equations, x, iterations, tolerance, held, residual)
+        if sweep == sweeps:
+            break
+        probe = x + np.where(held, equations.residual(x), 0) / equations.diagonal[:, None]
         new_low, new_high = probe < 0, probe > 1
         if np.array_equal(low, new_low) and np.array_equal(high, new_high):
             break
         low, high = new_low, new_high
+        x = np.where(high, 1.0, np.where(low, 0.0, x))
+        residual = equations.residual(x)
     return np.clip(x, 0.0, 1.0)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.colors.color_fit import ColorFit, color_fit
-from gcvec.colors.least_squares import solve, solve_bounded
+from gcvec.colors.least_squares import solve_bounded
 from gcvec.error_scale import PEAK_SQUARE, square_of, told_mse
 from gcvec.greedy import Placement, Shown, begin_placement
 from gcvec.greedy.seats import Seats, find_seats
@@ -47,7 +47,7 @@ LEAST_SPARE = 0.12
 """Fewer points than this share are not worth a round that takes them out: larger steps of colours make as
 good a use of what the picture has to spare."""
 
-SETTLED = 0.985
+SETTLED = 0.995
 """Of a round's error about this share remains after the last fit."""
 
 FIRST_POINTS = 1 / 1500
@@ -76,11 +76,12 @@ the last."""
 SHIFTS = 0.35, 0.65
 """Where strips of the picture are cut, in turn: nothing changes along a cut."""
 
-ROUND_ITERATIONS = 4
-FINAL_ITERATIONS = 5
-FINAL_SWEEPS = 1
-"""Conjugate gradient steps in a round, which starts from the colours of the last, and in the last fit, which
-may take so many sweeps to find the colours that stay at their bounds."""
+ROUND_ITERATIONS, ROUND_TOLERANCE = 4, 2e-3
+FINAL_ITERATIONS, FINAL_TOLERANCE = 3, 1e-4
+FINAL_SWEEPS = 2
+"""Conjugate gradient steps of a fit, and the residual that is small enough to end it sooner, as a share of
+the right-hand side: in a round, which starts from the colours of the last, and in each sweep of the last fit,
+which find the colours that stay at their bounds."""
 
 GROWTH = 3.0
 """A round adds this many times the points there are, at most."""
@@ -304,18 +305,19 @@ class Refinement:
         """The error that is compared with the aim: the picture's without what regions lack that are full."""
         return self.mse - self.lack
 
-    def converge(self, iterations: int = FINAL_ITERATIONS) -> None:
+    def converge(self) -> None:
         """Bring the colours closer to the best ones for these control points."""
-        with self._clock.stage("optimization"):
-            equations = self.fit.equations(*self._pull())
-            self.colors = np.clip(solve(equations, self.colors, iterations, 1e-4), 0, 1)
-            self._measure()
+        self._fit(ROUND_ITERATIONS, ROUND_TOLERANCE, sweeps=1)
 
     def settle(self) -> None:
-        """The last fit: to convergence, and with every colour in [0, 1]."""
+        """The last fit: to convergence."""
+        self._fit(FINAL_ITERATIONS, FINAL_TOLERANCE, FINAL_SWEEPS)
+
+    def _fit(self, iterations: int, tolerance: float, sweeps: int) -> None:
+        """Colours in [0, 1] by equation (7), from those there are."""
         with self._clock.stage("optimization"):
             equations = self.fit.equations(*self._pull())
-            self.colors = solve_bounded(equations, self.colors, FINAL_ITERATIONS, 1e-5, FINAL_SWEEPS)
+            self.colors = solve_bounded(equations, self.colors, iterations, tolerance, sweeps)
             self._measure()
 
     def seed(self, fair_aim: float) -> None:
@@ -374,7 +376,7 @@ class Refinement:
 
     def _adapt(self, grown: frozenset[int]) -> None:
         """Colours and error on a new canvas, whose regions `grown` have got points."""
-        self.converge(ROUND_ITERATIONS)
+        self.converge()
         self._iteration += 1
         self._squares = self._square_errors()
         worst = float(np.abs(self.residual).max() * 255)

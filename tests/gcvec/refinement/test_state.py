@@ -37,11 +37,11 @@ N_BOUNDARY = FOUNDATION.space.size
 N_PIXELS = FOUNDATION.network.width * FOUNDATION.network.height
 
 
-def photo() -> np.ndarray:
+def photo(height: float = 20) -> np.ndarray:
     """Regions of a colour each under waves that take points."""
     picture = SCENES["voronoi"].picture().astype(float)
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
-    waves = 20 * np.sin(x / 4) * np.sin(y / 5)
+    waves = height * np.sin(x / 4) * np.sin(y / 5)
     return np.asarray(np.clip(picture + waves[..., None], 0, 255)).astype(np.uint8)
 
 
@@ -242,7 +242,9 @@ def test_points_that_bring_nothing_are_taken_back() -> None:
 
 
 def test_points_that_are_worth_it_stay() -> None:
-    state = begun()
+    """Where waves are so high that every region wants some."""
+    state = state_of(pixels=photo(30))
+    state.begin()
     state._remember()
     state.grow(3.0, early=False)
     grown = state.points
