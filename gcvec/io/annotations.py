@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
+from itertools import groupby
 from pathlib import PurePosixPath
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
 from gcvec.annotations import Annotations
 from gcvec.errors import InputError
-from gcvec.io.coco import read_coco
-from gcvec.io.cvat_xml import read_cvat_xml
-from gcvec.io.limits import DEFAULT_LIMITS, Limits
+from gcvec.io.coco import CocoDocument
+from gcvec.io.cvat_xml import CvatDocument
+from gcvec.io.limits import DEFAULT_LIMITS, Limits, require_few_images
+from gcvec.io.selection import select_image
+
+_Document = CvatDocument | CocoDocument
 
 _BLANK = b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n"
 """Byte-order marks, blanks and the zero bytes of UTF-16: what may stand before the first character."""
 
 _MAX_ZIP_ENTRIES = 10_000
 _ENTRY_SIGNATURE = b"PK\x01\x02"
+
+_INSTANCES = "instances_"
+_OTHER_TASKS = ("stuff_", "person_keypoints_", "panoptic_", "labels_", "captions_", "image_info_")
+"""How COCO's files of other tasks begin; those that may have outlines come first."""
+
+_LONGEST_PLACE = 100
+"""Characters of a path in a zip that images are called by too."""
 
 
 def read_annotations(
@@ -27,66 +40,114 @@ def read_annotations(
     picture_name: str | None = None,
     limits: Limits = DEFAULT_LIMITS,
 ) -> Annotations:
-    """The regions of one image from CVAT for images 1.1 (XML), COCO 1.0 (JSON) or a zip holding either.
+    """The regions of one image from CVAT for images 1.1 (XML), COCO 1.0 (JSON) or a zip with either.
 
-    `image_name` names the image in the file and must be found; without it the image named most like
-    `picture_name`, a file's name or path, is taken, else the only one (see `select_image`).
+    `image_name` names the image in the annotations and must be found; without it the image named most like
+    `picture_name`, a file's name or path, is taken, else the only one (see `select_image`). A zip may hold
+    several annotation files, one for each subset of a project for instance: the one that lists the image is
+    taken. An image may then also be called by the subset or the folder of that file, `train/cat.png`.
 
     Raises `InputError`: "broken-annotations", "unsupported-annotations", "unsafe-annotations",
     "annotations-too-large", "unknown-image"; and MemoryError.
     """
     if data.startswith(b"PK"):
-        data = _unzipped(data, limits)
-    if len(data) > limits.annotation_bytes:
-        raise _too_large(limits)
+        documents = _unzipped(data, limits)
+    else:
+        if len(data) > limits.annotation_bytes:
+            raise _too_large(limits)
+        documents = {"": _parsed(data, limits)}
+    images = [(path, index) for path, document in documents.items() for index in range(len(document.names))]
+    places = {path: _places(path) if len(documents) > 1 else [] for path in documents}
+    names = [_called(documents[path].names[index], places[path]) for path, index in images]
+    path, index = images[select_image(names, image_name, picture_name)]
+    with _naming(path if len(documents) > 1 else ""):
+        return documents[path].annotations(index)
+
+
+def _parsed(data: bytes, limits: Limits) -> _Document:
     first = data.lstrip(_BLANK)[:1]
     if first == b"<":
-        return read_cvat_xml(data, image_name=image_name, picture_name=picture_name, limits=limits)
+        return CvatDocument(data, limits)
     if first in (b"{", b"["):
-        return read_coco(data, image_name=image_name, picture_name=picture_name, limits=limits)
+        return CocoDocument(data, limits)
     raise InputError(
         "unsupported annotations: neither CVAT XML nor COCO JSON nor a zip holding one",
         code="unsupported-annotations",
     )
 
 
-def _unzipped(data: bytes, limits: Limits) -> bytes:
-    """The one annotation document of a zip archive; nothing is written to disk."""
+def _places(path: str) -> list[str]:
+    """What may stand before the names of the images that a file in a zip lists, `train/cat.png`: its subset,
+    which it is named after, its folder, or both."""
+    if len(path) > _LONGEST_PLACE:
+        return []
+    folder, subset = PurePosixPath(path).parent, PurePosixPath(path).stem
+    for task in (_INSTANCES, *_OTHER_TASKS):
+        subset = subset.removeprefix(task)
+    return list(dict.fromkeys(str(place) for place in (PurePosixPath(subset), folder, folder / subset)))
+
+
+def _called(names: Sequence[str], places: Sequence[str]) -> Sequence[str]:
+    """The names of an image, the first of which is also its own, and that one behind each of its places."""
+    return [*names, *(f"{place}/{names[0]}" for place in places)] if places else names
+
+
+@contextmanager
+def _naming(path: str) -> Iterator[None]:
+    """Let an error raised inside name the file in the zip that it is about, if there is a path."""
+    try:
+        yield
+    except InputError as error:
+        if not path:
+            raise
+        raise InputError(f"{path!r}: {error}", code=error.code, pointer=error.pointer) from error
+
+
+def _unzipped(data: bytes, limits: Limits) -> dict[str, _Document]:
+    """The annotations in a zip by their paths: of those kinds of files that hold any, the first.
+
+    Nothing is written to disk, and whatever is read counts towards the one limit.
+    """
     if data.count(_ENTRY_SIGNATURE) > _MAX_ZIP_ENTRIES:
         raise InputError("the zip holds too many files", code="unsafe-annotations")
-    try:
-        with ZipFile(BytesIO(data)) as archive:
-            entry = _document(archive.infolist())
-            with archive.open(entry) as stream:
-                document = stream.read(limits.annotation_bytes + 1)
-    except (BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"broken annotations: unreadable zip ({error})", code="broken-annotations"
-        ) from error
-    if len(document) > limits.annotation_bytes:
-        raise _too_large(limits)
-    return document
+    with _telling_of_damage():
+        archive = ZipFile(BytesIO(data))
+    with archive:
+        entries = sorted(_candidates(archive.infolist()), key=_kind)
+        left, images, refusal = limits.annotation_bytes, 0, None
+        for _, of_kind in groupby(entries, _kind):
+            found: dict[str, _Document] = {}
+            for entry in of_kind:
+                try:
+                    with _naming(_path(entry) if len(entries) > 1 else ""):
+                        content = _content(archive, entry, left, limits)
+                        left -= len(content)
+                        document = _parsed(content, limits)
+                        images += len(document.names)
+                        require_few_images(images, limits)
+                        found[_path(entry)] = document
+                except InputError as error:
+                    if error.code != "unsupported-annotations":
+                        raise
+                    refusal = refusal or error
+            if found:
+                return found
+    raise refusal or InputError(
+        "the zip holds no annotation file (.xml or .json)", code="unsupported-annotations"
+    )
 
 
-def _document(entries: list[ZipInfo]) -> ZipInfo:
+def _candidates(entries: Sequence[ZipInfo]) -> list[ZipInfo]:
+    """The files in a zip that may be annotations."""
     for entry in entries:
-        path = PurePosixPath(entry.filename.replace("\\", "/"))
+        path = PurePosixPath(_path(entry))
         if path.is_absolute() or ".." in path.parts or entry.filename[1:2] == ":":
             raise InputError(f"the zip holds an unsafe path: {entry.filename!r}", code="unsafe-annotations")
-    entries = [entry for entry in entries if not _is_of_macos(entry)]
-    for ending in (".xml", ".json"):
-        found = [entry for entry in entries if entry.filename.lower().endswith(ending)]
-        if len(found) > 1:
-            names = ", ".join(repr(entry.filename) for entry in found[:5])
-            raise InputError(
-                f"the zip holds several annotation files ({names}); pass the one meant",
-                code="unsupported-annotations",
-            )
-        if found:
-            return _readable(found[0])
-    raise InputError("the zip holds no annotation file (.xml or .json)", code="unsupported-annotations")
+    return [e for e in entries if e.filename.lower().endswith((".xml", ".json")) and not _is_of_macos(e)]
+
+
+def _path(entry: ZipInfo) -> str:
+    return entry.filename.replace("\\", "/")
 
 
 def _is_of_macos(entry: ZipInfo) -> bool:
@@ -94,12 +155,39 @@ def _is_of_macos(entry: ZipInfo) -> bool:
     return "__MACOSX" in entry.filename or PurePosixPath(entry.filename).name.startswith("._")
 
 
-def _readable(entry: ZipInfo) -> ZipInfo:
+def _kind(entry: ZipInfo) -> int:
+    """Of what kind a file is by its name, those first that are most likely to be meant: CVAT's, COCO's of
+    instances, any other, COCO's of other tasks."""
+    name = PurePosixPath(_path(entry)).name
+    if name.lower().endswith(".xml"):
+        return 0
+    if name.startswith(_INSTANCES):
+        return 1
+    return next((3 + i for i, task in enumerate(_OTHER_TASKS) if name.startswith(task)), 2)
+
+
+def _content(archive: ZipFile, entry: ZipInfo, left: int, limits: Limits) -> bytes:
+    """What a file in a zip holds, of which no more than `left` bytes are accepted."""
     if entry.flag_bits & 1:
         raise InputError("the zip is encrypted", code="unsupported-annotations")
     if entry.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
         raise InputError("the zip is compressed in an unusual way", code="unsupported-annotations")
-    return entry
+    with _telling_of_damage(), archive.open(entry) as stream:
+        content = stream.read(left + 1)
+    if len(content) > left:
+        raise _too_large(limits)
+    return content
+
+
+@contextmanager
+def _telling_of_damage() -> Iterator[None]:
+    """Let an error of zipfile's be told as what it means."""
+    try:
+        yield
+    except (BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, ValueError) as error:
+        raise InputError(
+            f"broken annotations: unreadable zip ({error})", code="broken-annotations"
+        ) from error
 
 
 def _too_large(limits: Limits) -> InputError:

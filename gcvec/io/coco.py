@@ -9,49 +9,51 @@ from typing import Any, NoReturn
 from gcvec.annotations import Annotations, Shape
 from gcvec.errors import InputError
 from gcvec.io.geometry import broken, counts_from, rectangle, ring_from
-from gcvec.io.limits import DEFAULT_LIMITS, Account, Limits
+from gcvec.io.limits import Account, Limits, require_few_images
 from gcvec.io.rle import ColumnRuns, decode_compressed_counts
-from gcvec.io.selection import select_image
 
 _Json = Mapping[str, Any]
 
 
-def read_coco(
-    data: bytes,
-    *,
-    image_name: str | None = None,
-    picture_name: str | None = None,
-    limits: Limits = DEFAULT_LIMITS,
-) -> Annotations:
-    """The regions of one image of a COCO instances file.
+class CocoDocument:
+    """A COCO instances file, parsed.
 
-    Several rings of one annotation are parts of one region. A run-length mask may be compressed or not. An
-    annotation with a box alone is a rectangle; one of keypoints, whose box is none of a region, or with
-    neither (captions) is left out with a warning. See `select_image` for how the image is chosen. Raises
-    `InputError`.
+    `names` has for each image what it may be called. Raises `InputError`.
     """
-    document = _parse(data)
-    images = _objects(document, "images")
-    names = [_name(image, "file_name") for image in images]
-    chosen = select_image(names, image_name, picture_name)
-    image, place = images[chosen], f"images[{chosen}]"
-    width, height = (_side(image.get(key, 0), limits, place) for key in ("width", "height"))
-    labels = {_name(c, "id"): _name(c, "name") or _name(c, "id") for c in _objects(document, "categories")}
 
-    reader = _ShapeReader(width, height, limits)
-    shapes: list[Shape] = []
-    without_region = 0
-    for index, annotation in enumerate(_objects(document, "annotations")):
-        if _name(annotation, "image_id") != _name(image, "id"):
-            continue
-        if not _has_region(annotation):
-            without_region += 1
-            continue
-        category = _name(annotation, "category_id")
-        shapes.append(reader.shape(annotation, labels.get(category, category), f"annotations[{index}]"))
-    plural = "s" if without_region > 1 else ""
-    warnings = (f"{without_region} annotation{plural} without a region left out",) if without_region else ()
-    return Annotations(tuple(shapes), width, height, warnings)
+    def __init__(self, data: bytes, limits: Limits) -> None:
+        self._limits = limits
+        self._content = _parse(data)
+        self._images = _objects(self._content, "images")
+        require_few_images(len(self._images), limits)
+        self.names = [[_name(image, "file_name")] for image in self._images]
+
+    def annotations(self, index: int) -> Annotations:
+        """The regions of an image. Raises `InputError`.
+
+        Several rings of one annotation are parts of one region. A run-length mask may be compressed or not.
+        An annotation with a box alone is a rectangle; one of keypoints, whose box is none of a region, or
+        with neither (captions) is left out with a warning.
+        """
+        image, place = self._images[index], f"images[{index}]"
+        width, height = (_side(image.get(key, 0), self._limits, place) for key in ("width", "height"))
+        categories = _objects(self._content, "categories")
+        labels = {_name(c, "id"): _name(c, "name") or _name(c, "id") for c in categories}
+
+        reader = _ShapeReader(width, height, self._limits)
+        shapes: list[Shape] = []
+        without_region = 0
+        for number, annotation in enumerate(_objects(self._content, "annotations")):
+            if _name(annotation, "image_id") != _name(image, "id"):
+                continue
+            if not _has_region(annotation):
+                without_region += 1
+                continue
+            category = _name(annotation, "category_id")
+            shapes.append(reader.shape(annotation, labels.get(category, category), f"annotations[{number}]"))
+        plural = "s" if without_region > 1 else ""
+        warnings = (f"{without_region} annotation{plural} without a region left out",)
+        return Annotations(tuple(shapes), width, height, warnings if without_region else ())
 
 
 def _parse(data: bytes) -> _Json:

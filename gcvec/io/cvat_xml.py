@@ -27,34 +27,34 @@ from gcvec.io.geometry import (
     ring_from,
     rotated,
 )
-from gcvec.io.limits import DEFAULT_LIMITS, Account, Limits
+from gcvec.io.limits import Account, Limits, require_few_images
 from gcvec.io.rle import row_major_mask
-from gcvec.io.selection import select_image
 
 _REGIONS = ("polygon", "box", "ellipse", "mask")
 _TASK = ("id", "name", "subset")
 _NOT_REGIONS = ("polyline", "points", "skeleton", "cuboid")
 
 
-def read_cvat_xml(
-    data: bytes,
-    *,
-    image_name: str | None = None,
-    picture_name: str | None = None,
-    limits: Limits = DEFAULT_LIMITS,
-) -> Annotations:
-    """The regions of one image of a "CVAT for images 1.1" document.
+class CvatDocument:
+    """A "CVAT for images 1.1" document, parsed.
 
-    Polylines, points, skeletons and cuboids enclose no region and are left out with a warning. See
-    `select_image` for how the image is chosen. Raises `InputError`, and MemoryError.
+    `names` has for each image what it may be called. Raises `InputError`, and MemoryError.
     """
-    images, tasks = _parse(data)
-    names = [_names(image, tasks) for image in images]
-    chosen = select_image(_distinct(names), image_name, picture_name, names)
-    image = images[chosen]
-    account = Account(limits)
-    shapes = tuple(_shape(element, account) for element in image.regions)
-    return Annotations(shapes, image.width, image.height, _left_out(image.ignored))
+
+    def __init__(self, data: bytes, limits: Limits) -> None:
+        self._limits = limits
+        self._images, tasks = _parse(data, limits)
+        self.names = [_names(image, tasks) for image in self._images]
+
+    def annotations(self, index: int) -> Annotations:
+        """The regions of an image. Raises `InputError`.
+
+        Polylines, points, skeletons and cuboids enclose no region and are left out with a warning.
+        """
+        image = self._images[index]
+        account = Account(self._limits)
+        shapes = tuple(_shape(element, account) for element in image.regions)
+        return Annotations(shapes, image.width, image.height, _left_out(image.ignored))
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,9 @@ class _Image:
 class _Document(ContentHandler):
     """Collects the images and their elements, with the line each stands on, and the tasks by id."""
 
-    def __init__(self) -> None:
+    def __init__(self, limits: Limits) -> None:
         super().__init__()
+        self._limits = limits
         self.images: list[_Image] = []
         self.tasks: dict[str, Mapping[str, str]] = {}
         self._task = dict.fromkeys(_TASK, "")
@@ -99,6 +100,7 @@ class _Document(ContentHandler):
                 raise _unsupported("this is CVAT for video; export the task as CVAT for images 1.1")
             if name == "image":
                 self.images.append(self._image(attrs))
+                require_few_images(len(self.images), self._limits)
         elif parents == ["annotations", "image"]:
             self._add(self.images[-1], name, attrs)
         elif parents[1:2] == ["meta"]:
@@ -138,9 +140,9 @@ class _Document(ContentHandler):
         return (self._locator and self._locator.getLineNumber()) or 0
 
 
-def _parse(data: bytes) -> tuple[list[_Image], Mapping[str, Mapping[str, str]]]:
+def _parse(data: bytes, limits: Limits) -> tuple[list[_Image], Mapping[str, Mapping[str, str]]]:
     """The images of a document, and by id what `_TASK` names of its tasks."""
-    document = _Document()
+    document = _Document(limits)
     try:
         defusedxml.sax.parseString(data, document, forbid_dtd=True)
     except SAXParseException as error:
@@ -173,12 +175,6 @@ def _names(image: _Image, tasks: Mapping[str, Mapping[str, str]]) -> list[str]:
     task = stated["name"] if stated and stated["subset"] in ("", subset) else ""
     folders = [[], [subset], [task], [subset, task]]
     return list(dict.fromkeys("/".join([*filter(None, parts), image.name]) for parts in folders))
-
-
-def _distinct(names: list[list[str]]) -> list[str]:
-    """For each image the first of its names that no other has; the last, where others have them all."""
-    counts = Counter(name for of_image in names for name in of_image)
-    return [next((n for n in of_image if counts[n] == 1), of_image[-1]) for of_image in names]
 
 
 def _unsupported(why: str) -> InputError:

@@ -26,6 +26,15 @@ class Limits:
 
 DEFAULT_LIMITS = Limits()
 
+_BYTES_AN_IMAGE = 100
+"""About what an image takes at least in a real annotation file: no more are looked through than would fit."""
+
+
+def require_few_images(count: int, limits: Limits) -> None:
+    """Raise `InputError` where annotations list more images than real ones of the largest size would."""
+    if count > (most := limits.annotation_bytes // _BYTES_AN_IMAGE):
+        raise InputError(f"too many annotations: more than {most} images", code="annotations-too-large")
+
 
 class Account:
     """Counts what the shapes of one image cost and raises `InputError` before a limit is passed."""

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from gcvec.errors import InputError
 from gcvec.io import DEFAULT_LIMITS
-from gcvec.io.coco import read_coco
 from gcvec.regions.partition import partition
+from tests.gcvec.io.single_documents import read_coco
 
 
 def document(*annotations: dict[str, Any], **image: Any) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from gcvec.annotations import Annotations
 from gcvec.errors import InputError
 from gcvec.io import DEFAULT_LIMITS
-from gcvec.io.cvat_xml import read_cvat_xml
 from gcvec.regions.partition import partition
+from tests.gcvec.io.single_documents import read_cvat_xml
 
 
 def document(*elements: str, name: str = "a.png", size: tuple[int, int] = (60, 40)) -> bytes:

@@ -102,6 +102,14 @@ def archive(compression: int) -> bytes:
     return buffer.getvalue()
 
 
+def archive_of_subsets() -> bytes:
+    buffer = BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as target:
+        for subset, name in (("train", b"a.png"), ("val", b"b.png")):
+            target.writestr(f"annotations/instances_{subset}.json", COCO.replace(b"a.png", name))
+    return buffer.getvalue()
+
+
 def pictures() -> list[bytes]:
     colours = np.random.default_rng(0).integers(0, 256, (HEIGHT, WIDTH, 4), dtype=np.uint8)
     colours[10:, 10:] = 99
@@ -307,7 +315,7 @@ CORPORA: dict[str, tuple[Callable[[bytes], object], list[bytes], list[Mutate]]] 
     "rle": (annotated, [COCO], [with_other_counts]),
     "zip": (
         annotated,
-        [archive(zipfile.ZIP_DEFLATED), archive(zipfile.ZIP_STORED)],
+        [archive(zipfile.ZIP_DEFLATED), archive(zipfile.ZIP_STORED), archive_of_subsets()],
         [*BYTES, with_other_sizes],
     ),
     "picture": (pictured, pictures(), BYTES),

@@ -99,10 +99,129 @@ def test_a_document_larger_than_the_limit_is_refused() -> None:
     refusal(b" " * 100_001, "annotations-too-large")
 
 
-def test_a_zip_must_hold_one_annotation_file() -> None:
+def test_a_zip_must_hold_annotations() -> None:
     refusal(archive({"images/a.png": b""}), "unsupported-annotations")
-    message = refusal(archive({"train.json": COCO, "val.json": COCO}), "unsupported-annotations")
-    assert "'train.json', 'val.json'" in message
+    assert "has no 'images'" in refusal(
+        archive({"a.json": b"{}", "b.json": b"{}"}), "unsupported-annotations"
+    )
+
+
+def coco(*names: str, label: str = "sky", bare: bool = False) -> bytes:
+    """Annotations of images of these names, a region each unless they are `bare`."""
+    images = [{"id": i, "file_name": name, "width": 60, "height": 40} for i, name in enumerate(names)]
+    annotations = [
+        {"image_id": i, "category_id": 1, "segmentation": [[0, 0, 60, 0, 60, 20]]} for i in range(len(names))
+    ]
+    categories = [{"id": 1, "name": label}]
+    return json.dumps(
+        {"images": images, "categories": categories, "annotations": [] if bare else annotations}
+    ).encode()
+
+
+def cvat(*names: str, label: str = "sky") -> bytes:
+    polygon = f'<polygon label="{label}" points="0,0;60,0;60,20"/>'
+    images = [f'<image name="{name}" width="60" height="40">{polygon}</image>' for name in names]
+    return f"<annotations>{''.join(images)}</annotations>".encode()
+
+
+SUBSETS = {
+    "annotations/instances_Train.json": coco("a.png", "b.png", label="train"),
+    "annotations/instances_Validation.json": coco("a.png", "c.png", label="validation"),
+    "annotations/instances_Test.json": coco(),
+}
+TASKS = {
+    "task1/annotations.xml": cvat("a.png", "b.png", label="1"),
+    "task2/annotations.xml": cvat("a.png", "c.png", label="2"),
+}
+FILES_OF_SUBSETS = {"Train.xml": cvat("a.png", label="t"), "Test.xml": cvat("a.png", "c.png", label="test")}
+IN_FOLDERS = {
+    "train/_annotations.coco.json": coco("a.jpg", label="train"),
+    "valid/_annotations.coco.json": coco("a.jpg", label="valid"),
+}
+
+
+@pytest.mark.parametrize(
+    ("files", "name", "label"),
+    [
+        (SUBSETS, "b.png", "train"),
+        (SUBSETS, "c.png", "validation"),
+        (SUBSETS, "/home/project/images/Train/a.png", "train"),
+        (SUBSETS, "Validation/a.png", "validation"),
+        (SUBSETS, "images/Validation/a.jpg", "validation"),
+        (TASKS, "c.png", "2"),
+        (TASKS, "task1/a.png", "1"),
+        (FILES_OF_SUBSETS, "images/Test/a.png", "test"),
+        (FILES_OF_SUBSETS, "c.jpg", "test"),
+        (IN_FOLDERS, "somewhere/valid/a.jpg", "valid"),
+    ],
+)
+def test_of_several_files_in_a_zip_the_one_that_lists_the_picture_is_taken(
+    files: dict[str, bytes], name: str, label: str
+) -> None:
+    for names in ({"image_name": name}, {"picture_name": name}):
+        annotations = read_annotations(archive(files), **names)
+        assert [shape.label for shape in annotations.shapes] == [label]
+
+
+def test_a_picture_that_none_or_several_files_list_is_an_error_that_says_so() -> None:
+    zipped = archive(SUBSETS)
+    with pytest.raises(InputError, match=r"several images match 'a.png' .*'Train/a.png', 'Validation/a.png'"):
+        read_annotations(zipped, picture_name="/home/me/a.png")
+    with pytest.raises(InputError, match=r"no image named 'x.png' .*'Train/a.png', 'b.png', 'Val.*, 'c.png'"):
+        read_annotations(zipped, image_name="x.png")
+    with pytest.raises(InputError, match="several images and none named like the picture") as error:
+        read_annotations(zipped, picture_name="x.png")
+    assert error.value.code == "unknown-image"
+    alone = {"instances_a.json": coco("a.png"), "instances_b.json": coco()}
+    assert read_annotations(archive(alone), picture_name="x.png").shapes
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        {"annotations/person_keypoints_Train.json": coco("a.png", bare=True)},
+        {"annotations/captions_Train.json": b"{", "annotations/labels_Train.json": b"x" * 200_000},
+        {"panoptic_Train.json": coco("a.png", bare=True), "image_info_Train.json": coco("a.png", bare=True)},
+        {"annotations/stuff_Train.json": coco("a.png", label="stuff"), "info.json": b"{}"},
+        {"images/a.xml": b"<annotation/>", "images/b.xml": b"<html/>"},
+    ],
+)
+def test_files_of_other_kinds_are_not_in_the_way(others: dict[str, bytes]) -> None:
+    data = archive({**others, "annotations/instances_Train.json": COCO})
+    annotations = read_annotations(
+        data, image_name="a.png", limits=replace(DEFAULT_LIMITS, annotation_bytes=100_000)
+    )
+    assert [shape.label for shape in annotations.shapes] == ["sky"]
+
+
+def test_what_is_no_annotation_is_passed_over_whatever_its_name_and_what_may_be_is_named() -> None:
+    files = {"info.json": b"{}", "a.json": coco("a.png", label="a"), "classes.json": b"[]"}
+    assert read_annotations(archive(files)).shapes[0].label == "a"
+    both = {"person_keypoints_a.json": coco("a.png", bare=True), "labels_a.json": coco("a.png", bare=True)}
+    assert read_annotations(archive(both)).shapes == ()
+    assert "'b.json': broken" in refusal(archive({**files, "b.json": b"{"}), "broken-annotations")
+    wrong = {"a.json": coco("a.png"), "b.json": coco("b.png").replace(b"[0, 0, 60, 0,", b'["x", 0, 60, 0,')}
+    assert read_annotations(archive(wrong), image_name="a.png").shapes
+    with pytest.raises(InputError, match=r"^'b.json': annotations\[0\]") as error:
+        read_annotations(archive(wrong), image_name="b.png")
+    assert error.value.pointer == "annotations[0]"
+
+
+def test_the_files_in_a_zip_are_no_larger_together_than_one_may_be() -> None:
+    half = coco("a.png") + b" " * 50_000
+    assert "larger" in refusal(archive({"a.json": half, "b.json": half}), "annotations-too-large")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        coco(*["a.png"] * 1_001, bare=True),
+        cvat(*["a.png"] * 1_001).replace(b'<polygon label="sky" points="0,0;60,0;60,20"/>', b""),
+        archive({f"{i}.json": coco(*["a.png"] * 501, bare=True) for i in range(2)}),
+    ],
+)
+def test_more_images_than_real_annotations_list_are_refused(data: bytes) -> None:
+    assert "more than 1000 images" in refusal(data, "annotations-too-large")
 
 
 def test_unusual_zips_are_refused() -> None:

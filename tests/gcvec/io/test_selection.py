@@ -1,9 +1,16 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from gcvec.errors import InputError
-from gcvec.io.selection import select_image
+from gcvec.io import selection
+
+
+def select_image(names: Sequence[str], image_name: str | None, picture_name: str | None) -> int:
+    return selection.select_image([[name] for name in names], image_name, picture_name)
+
 
 NAMES = ("train/cat.jpg", "train/dog.jpg", "test/cat.jpg", "bird.png")
 
