@@ -53,7 +53,7 @@ class CvatDocument:
         """
         image = self._images[index]
         account = Account(self._limits)
-        shapes = tuple(_shape(element, account) for element in image.regions)
+        shapes = tuple(_shape(element, image, account) for element in image.regions)
         return Annotations(shapes, image.width, image.height, _left_out(image.ignored))
 
 
@@ -185,13 +185,13 @@ def _left_out(ignored: Counter[str]) -> tuple[str, ...]:
     return tuple(f"{count} <{tag}> left out: encloses no region" for tag, count in sorted(ignored.items()))
 
 
-def _shape(element: _Element, account: Account) -> Shape:
+def _shape(element: _Element, image: _Image, account: Account) -> Shape:
     attributes, pointer = element.attributes, element.pointer
     account.add_shape(pointer)
     label = attributes.get("label", "")
     z_order = _whole(attributes, "z_order", pointer)
     if element.tag == "mask":
-        return _mask(attributes, pointer, account, label, z_order)
+        return _mask(attributes, image, pointer, account, label, z_order)
     if element.tag == "polygon":
         ring = _polygon(attributes, pointer, account)
     else:
@@ -227,10 +227,20 @@ def _ellipse(attributes: Mapping[str, str], pointer: str, account: Account) -> R
     return rotated(ellipse(cx, cy, rx, ry), turn, cx, cy)
 
 
-def _mask(attributes: Mapping[str, str], pointer: str, account: Account, label: str, z_order: int) -> Shape:
-    left, top, width, height = (
-        _whole(attributes, key, pointer) for key in ("left", "top", "width", "height")
-    )
+def _mask_box(attributes: Mapping[str, str], image: _Image, pointer: str) -> tuple[int, int, int, int]:
+    """The left, top, width and height of a mask, which may be left out where it is of the whole image."""
+    whole = {"left": 0, "top": 0, "width": image.width, "height": image.height}
+    box = {key: _whole(attributes, key, pointer) if key in attributes else whole[key] for key in whole}
+    missing = next((key for key in whole if key not in attributes), None)
+    if missing and box != whole:
+        raise broken(f"{missing!r} is missing, and the mask is not of the whole image", pointer)
+    return box["left"], box["top"], box["width"], box["height"]
+
+
+def _mask(
+    attributes: Mapping[str, str], image: _Image, pointer: str, account: Account, label: str, z_order: int
+) -> Shape:
+    left, top, width, height = _mask_box(attributes, image, pointer)
     if width < 1 or height < 1:
         raise broken(f"a mask of {width} x {height} pixels", pointer)
     account.add_mask(width * height, pointer)

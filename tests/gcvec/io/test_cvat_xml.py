@@ -99,6 +99,43 @@ def test_masks_are_rows_of_a_cropped_box_starting_with_background() -> None:
     np.testing.assert_array_equal(inside, expected)
 
 
+@pytest.mark.parametrize(
+    "box",
+    [
+        'left="0" top="0" width="60" height="40"',
+        'width="60" height="40"',
+        'left="0" top="0"',
+        'top="0" width="60"',
+        "",
+    ],
+)
+def test_a_mask_of_the_whole_image_need_not_say_where_it_lies(box: str) -> None:
+    inside = painted(f'<mask label="it" {box} rle="1205, 20, 1175"/>')
+    assert inside.sum() == 20
+    assert inside[20, 5:25].all()
+
+
+@pytest.mark.parametrize(
+    ("box", "missing"),
+    [
+        ('width="8" height="4"', "left"),
+        ('left="20" width="8" height="4"', "top"),
+        ('left="20" top="10" height="4"', "width"),
+        ('left="1" top="0"', "width"),
+        ('width="60" height="39"', "left"),
+    ],
+)
+def test_a_mask_of_a_part_of_the_image_must_say_where_it_lies(box: str, missing: str) -> None:
+    error = refusal(document(f'<mask label="it" {box} rle="0, 32"/>'))
+    assert str(error) == f"mask 1, line 6: {missing!r} is missing, and the mask is not of the whole image"
+
+
+def test_a_mask_without_a_place_in_an_image_without_a_size_is_refused() -> None:
+    image = '<annotations><image name="a.png"><mask label="it" rle="0, 32" {}/></image></annotations>'
+    for box in ("", 'width="8" height="4"', 'left="0" top="0"'):
+        assert refusal(image.format(box).encode()).code == "broken-annotations"
+
+
 def test_what_encloses_no_region_is_left_out_with_a_warning() -> None:
     annotations = read_cvat_xml(
         document(
