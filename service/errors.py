@@ -132,9 +132,9 @@ def install(app: FastAPI) -> None:
     async def _http(request: Request, error: HTTPException) -> JSONResponse:
         if isinstance(error.__cause__, ProblemError):  # raised while the framework read the body
             return await _problem(request, error.__cause__)
-        if isinstance(
-            error.__cause__, OSError
-        ):  # likewise: a large body is kept in a file for the time being
+        if isinstance(error.__cause__, MemoryError):  # likewise
+            return await _memory(request, error.__cause__)
+        if isinstance(error.__cause__, OSError):  # a large body is kept in a file for the time being
             logger.warning("upload: %s", error.__cause__)
             return answer(*_away("the upload cannot be kept: the disk of the service may be full"))
         code = _CODES.get(error.status_code, "invalid-request")
@@ -152,6 +152,11 @@ def install(app: FastAPI) -> None:
     async def _store(_: Request, error: Exception) -> JSONResponse:
         logger.warning("storage: %s", type(error).__name__)
         return answer(*_away("the storage cannot be reached"))
+
+    @app.exception_handler(MemoryError)
+    async def _memory(request: Request, _: MemoryError) -> JSONResponse:
+        logger.warning("no memory left for %s %s", request.method, request.url.path)
+        return answer(*_away("the service has no memory left for this now"))
 
     @app.exception_handler(Exception)
     async def _unexpected(_: Request, error: Exception) -> JSONResponse:

@@ -209,6 +209,38 @@ def test_an_upload_that_no_disk_has_room_for_is_refused_for_now(
 
 
 @pytest.mark.parametrize(
+    "place",
+    [
+        "starlette.datastructures.UploadFile.write",  # while the framework reads the form
+        "service.jobs.endpoints.read_file",
+        "service.jobs.service.fingerprint_of",
+        "service.jobs.uploads.read_annotations",
+        "service.jobs.service.storage.annotations_path",  # once the picture is in the store
+    ],
+)
+def test_an_upload_that_memory_is_too_short_for_is_refused_for_now(
+    api: httpx.Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    """Nothing of it is left, and the same request may be sent again."""
+
+    def fail(*_: object, **__: object) -> NoReturn:
+        raise MemoryError
+
+    def send() -> httpx.Response:
+        files = {"image": IMAGE, "annotations": ("a.xml", cvat())}
+        return api.post("/v1/jobs", files=files, headers={"Idempotency-Key": "again"})
+
+    with monkeypatch.context() as patch:
+        patch.setattr(place, fail)
+        answer = send()
+    assert "memory" in refused(answer, 503, "unavailable")["detail"]
+    assert int(answer.headers["retry-after"]) >= 1
+    assert api.get("/v1/jobs").json()["jobs"] == []
+    assert files_in(tmp_path / "storage") == []
+    assert send().status_code == 202
+
+
+@pytest.mark.parametrize(
     ("webhook", "pointer"),
     [
         ("{", "/webhook"),
