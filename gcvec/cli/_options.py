@@ -57,6 +57,12 @@ vector_image_output_option = click.option(
     metavar="OUT.gcv",
     help="Where the vector image goes; FOLDER/: into this folder, named like the input; - for stdout.",
 )
+image_name_option = click.option(
+    "--image-name",
+    metavar="NAME",
+    help="The picture's name in the annotations; default: the file's own name, "
+    "beside folders where several have it, else the only one.",
+)
 matte_option = click.option(
     "--matte",
     default="#ffffff",

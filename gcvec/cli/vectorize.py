@@ -24,6 +24,7 @@ from gcvec.cli._options import (
     INPUT_FILE,
     OUTPUT_FILE,
     ignored_options,
+    image_name_option,
     matte_option,
     picture_or_stdin_argument,
     vector_image_output_option,
@@ -52,12 +53,7 @@ def _ends_in_png(_context: click.Context, _parameter: click.Parameter, path: Pat
     help="Regions: CVAT for images 1.1 or COCO 1.0; - for stdin. "
     "Without it the regions are found automatically.",
 )
-@click.option(
-    "--image-name",
-    metavar="NAME",
-    help="The picture's name in the annotations; default: the file's own name, "
-    "beside folders where several have it, else the only one.",
-)
+@image_name_option
 @vectorization_options
 @matte_option
 @click.option("--workers", type=int, default=Options.workers, help="Threads; 0: one a core.")

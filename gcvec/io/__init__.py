@@ -4,7 +4,7 @@ Light to import: Pillow, numpy and defusedxml, never the solver.
 """
 
 from gcvec.annotations import check_size
-from gcvec.io.annotations import read_annotations
+from gcvec.io.annotations import image_name_for, read_annotations
 from gcvec.io.limits import DEFAULT_LIMITS, Limits
 from gcvec.io.picture import Picture, PictureHeader, probe_picture, read_picture
 from gcvec.io.write_coco import write_coco
@@ -16,6 +16,7 @@ __all__ = [
     "Picture",
     "PictureHeader",
     "check_size",
+    "image_name_for",
     "probe_picture",
     "read_annotations",
     "read_picture",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from itertools import groupby
-from pathlib import PurePosixPath
+from pathlib import PurePath, PurePosixPath
+from typing import NamedTuple
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
 from gcvec.annotations import Annotations
@@ -15,7 +16,7 @@ from gcvec.errors import InputError
 from gcvec.io.coco import CocoDocument
 from gcvec.io.cvat_xml import CvatDocument
 from gcvec.io.limits import DEFAULT_LIMITS, Limits, require_few_images
-from gcvec.io.selection import select_image
+from gcvec.io.selection import distinct_names, select_image
 
 _Document = CvatDocument | CocoDocument
 
@@ -50,18 +51,52 @@ def read_annotations(
     Raises `InputError`: "broken-annotations", "unsupported-annotations", "unsafe-annotations",
     "annotations-too-large", "unknown-image"; and MemoryError.
     """
+    images = _images(data, limits)
+    image = images[select_image([image.names for image in images], image_name, picture_name)]
+    with _naming(image.path):
+        return image.document.annotations(image.position)
+
+
+def image_name_for(data: bytes, path: str, limits: Limits = DEFAULT_LIMITS) -> str | None:
+    """What the image of a picture at `path` is called in the annotations, if it takes its folders to tell;
+    None where the name of its file will do.
+
+    Raises `InputError` as `read_annotations` does.
+    """
+    names = [image.names for image in _images(data, limits)]
+    chosen = select_image(names, None, path)
+    with suppress(InputError):
+        if select_image(names, None, PurePath(path).name) == chosen:
+            return None
+    return distinct_names(names, [chosen])[0]
+
+
+class _Image(NamedTuple):
+    """An annotated image: what it may be called, its document, its position there, and the path of the
+    document where there are others in the zip."""
+
+    names: Sequence[str]
+    document: _Document
+    position: int
+    path: str
+
+
+def _images(data: bytes, limits: Limits) -> list[_Image]:
     if data.startswith(b"PK"):
         documents = _unzipped(data, limits)
     else:
         if len(data) > limits.annotation_bytes:
             raise _too_large(limits)
         documents = {"": _parsed(data, limits)}
-    images = [(path, index) for path, document in documents.items() for index in range(len(document.names))]
-    places = {path: _places(path) if len(documents) > 1 else [] for path in documents}
-    names = [_called(documents[path].names[index], places[path]) for path, index in images]
-    path, index = images[select_image(names, image_name, picture_name)]
-    with _naming(path if len(documents) > 1 else ""):
-        return documents[path].annotations(index)
+    if len(documents) == 1:
+        (document,) = documents.values()
+        return [_Image(names, document, position, "") for position, names in enumerate(document.names)]
+    return [
+        _Image([*names, *(f"{place}/{names[0]}" for place in places)], document, position, path)
+        for path, document in documents.items()
+        for places in [_places(path)]
+        for position, names in enumerate(document.names)
+    ]
 
 
 def _parsed(data: bytes, limits: Limits) -> _Document:
@@ -85,11 +120,6 @@ def _places(path: str) -> list[str]:
     for task in (_INSTANCES, *_OTHER_TASKS):
         subset = subset.removeprefix(task)
     return list(dict.fromkeys(str(place) for place in (PurePosixPath(subset), folder, folder / subset)))
-
-
-def _called(names: Sequence[str], places: Sequence[str]) -> Sequence[str]:
-    """The names of an image, the first of which is also its own, and that one behind each of its places."""
-    return [*names, *(f"{place}/{names[0]}" for place in places)] if places else names
 
 
 @contextmanager

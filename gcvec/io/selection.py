@@ -75,12 +75,12 @@ def _parts_without_ending(name: str) -> list[str]:
 
 
 def _unknown(what: str, names: Sequence[Sequence[str]], indices: Sequence[int]) -> InputError:
-    shown = ", ".join(repr(name) for name in _distinct(names, indices[:_NAMES_SHOWN]))
+    shown = ", ".join(repr(name) for name in distinct_names(names, indices[:_NAMES_SHOWN]))
     more = f" and {len(indices) - _NAMES_SHOWN} more" if len(indices) > _NAMES_SHOWN else ""
     return InputError(f"{what} (the annotations hold {shown}{more})", code="unknown-image")
 
 
-def _distinct(names: Sequence[Sequence[str]], indices: Sequence[int]) -> list[str]:
+def distinct_names(names: Sequence[Sequence[str]], indices: Sequence[int]) -> list[str]:
     """For each of some images the first of its names that no other image has; the last, where others have
     them all."""
     theirs = {name for index in indices for name in names[index]}

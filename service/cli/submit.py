@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,14 @@ import click
 from httpx import URL, HTTPError, InvalidURL
 
 from gcvec.cli._files import check_files, warn, write
-from gcvec.cli._options import EXISTING_FILE, ignored_options, picture_argument, vectorization_options
+from gcvec.cli._limits import limits
+from gcvec.cli._options import (
+    EXISTING_FILE,
+    ignored_options,
+    image_name_option,
+    picture_argument,
+    vectorization_options,
+)
 from gcvec.cli._progress import progress_bar
 from gcvec.errors import FailureError, InputError
 from service.client import Client, problem_error
@@ -48,6 +56,18 @@ def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
         raise FailureError(f"{url}: {error}") from error
 
 
+def _image_name(image: Path, annotations: Path) -> str | None:
+    """What the annotations call a picture that they tell from others by its folders, which are not sent.
+
+    None where its own name will do, and where nothing does: what is wrong the service says.
+    """
+    from gcvec.io import image_name_for
+
+    with suppress(InputError):
+        return image_name_for(annotations.read_bytes(), os.path.abspath(image), limits())
+    return None
+
+
 @contextmanager
 def _found_again_at(place: str) -> Iterator[None]:
     """Let Ctrl-C inside say where the job is, which goes on."""
@@ -72,7 +92,7 @@ def _found_again_at(place: str) -> Iterator[None]:
     help="Where the files go.",
 )
 @click.option("-a", "--annotations", type=EXISTING_FILE, help="CVAT XML or COCO JSON.")
-@click.option("--image-name", metavar="NAME", help="The picture's name in a file that annotates several.")
+@image_name_option
 @vectorization_options
 @click.option(
     "--matte",
@@ -88,6 +108,8 @@ def submit(
     files = {name: output / kind.filename for name, kind in (KINDS | EXPORTS).items()}
     check_files(inputs=(image, annotations), outputs=tuple(files.values()))
     warn(image, ignored_options(options, annotations))
+    if annotations is not None and options["image_name"] is None:
+        options["image_name"] = _image_name(image, annotations)
     with Client(url, key) as client:
         with _naming(image, annotations, url):
             job = client.submit(image, annotations, options)

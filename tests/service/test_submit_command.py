@@ -40,6 +40,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def annotating(*names: str) -> bytes:
+    """Annotations of several pictures."""
+    images = (cvat(name).decode().partition("</version>")[2] for name in names)
+    return f"<annotations>{''.join(images).replace('</annotations>', '')}</annotations>".encode()
+
+
 def said(capsys: pytest.CaptureFixture[str], url: str, *arguments: str, code: int = 2) -> str:
     assert run(["submit", *arguments, "--url", url, "-o", "out"]) == code
     (line,) = capsys.readouterr().err.splitlines()
@@ -111,6 +117,52 @@ def test_an_option_that_has_no_effect_is_named(folder: Path, capsys: pytest.Capt
     assert run(["submit", "photo.png", "--snap", "3", "--url", "http://127.0.0.1:1", "-o", "out"]) == 1
     warning, _ = capsys.readouterr().err.splitlines()
     assert warning == "gcvec: warning: photo.png: --snap has no effect: there are no annotations"
+
+
+@pytest.mark.parametrize(
+    ("picture", "arguments", "image_name"),
+    [
+        ("photo.png", [], "test/photo.png"),
+        ("../train/photo.png", [], "train/photo.png"),
+        ("../other.png", [], None),
+        ("photo.png", ["--image-name", "other.png"], "other.png"),
+    ],
+)
+def test_folders_tell_images_of_one_name_apart_and_stay_at_home(
+    api: httpx.Client,
+    settings: Settings,
+    folder: Path,
+    meanwhile: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+    picture: str,
+    arguments: list[str],
+    image_name: str | None,
+) -> None:
+    def interrupt(_: float) -> NoReturn:
+        raise KeyboardInterrupt
+
+    (folder / "all.xml").write_bytes(annotating("train/photo.png", "test/photo.png", "other.png"))
+    (folder / "other.png").write_bytes(png())
+    for name in ("train", "test"):
+        (folder / name).mkdir()
+        (folder / name / "photo.png").write_bytes(png())
+    monkeypatch.chdir(folder / "test")
+    monkeypatch.setattr(JobRepository, "find", nowhere)
+    meanwhile(interrupt)
+    command = ["submit", picture, "-a", "../all.xml", *arguments, "--url", str(api.base_url), "-o", "out"]
+    assert run(command) == 130
+    job = JobRecords(client_of(settings.broker_url)).get(job_of(settings))
+    assert job is not None
+    assert job.request["image_name"] == image_name
+    assert job.request["picture_name"] == Path(picture).name
+
+
+def test_folders_that_do_not_tell_images_apart_leave_it_to_the_service(
+    api: httpx.Client, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "two.xml").write_bytes(annotating("a/photo.png", "b/photo.png"))
+    line = said(capsys, str(api.base_url), "photo.png", "-a", "two.xml")
+    assert line.startswith("gcvec: two.xml: several images match 'photo.png'")
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gcvec.annotations import Annotations, Shape
 from gcvec.errors import InputError
-from gcvec.io import DEFAULT_LIMITS, check_size, read_annotations
+from gcvec.io import DEFAULT_LIMITS, check_size, image_name_for, read_annotations
 
 XML = b"""<?xml version="1.0"?><annotations><image name="a.png" width="60" height="40">
 <polygon label="sky" points="0,0;60,0;60,20"/></image></annotations>"""
@@ -161,6 +161,28 @@ def test_of_several_files_in_a_zip_the_one_that_lists_the_picture_is_taken(
     for names in ({"image_name": name}, {"picture_name": name}):
         annotations = read_annotations(archive(files), **names)
         assert [shape.label for shape in annotations.shapes] == [label]
+
+
+@pytest.mark.parametrize(
+    ("files", "path", "name", "label"),
+    [
+        (SUBSETS, "/home/me/images/Train/a.png", "Train/a.png", "train"),
+        (SUBSETS, "/home/me/images/Validation/a.jpg", "Validation/a.png", "validation"),
+        (SUBSETS, "/home/me/images/Train/c.png", None, "validation"),
+        (TASKS, "/home/me/task2/a.png", "task2/a.png", "2"),
+        (IN_FOLDERS, "/home/me/valid/a.jpg", "valid/a.jpg", "valid"),
+        ({"a.json": coco("a/b.png", "b.png", label="both")}, "/home/me/a/b.png", "a/b.png", "both"),
+    ],
+)
+def test_what_folders_tell_apart_has_a_name_that_does(
+    files: dict[str, bytes], path: str, name: str | None, label: str
+) -> None:
+    zipped = archive(files)
+    assert image_name_for(zipped, path) == name
+    found = read_annotations(zipped, image_name=name, picture_name=path.rpartition("/")[2])
+    assert [shape.label for shape in found.shapes] == [label]
+    with pytest.raises(InputError):
+        image_name_for(zipped, "/home/me/x/nothing.png")
 
 
 def test_a_picture_that_none_or_several_files_list_is_an_error_that_says_so() -> None:
