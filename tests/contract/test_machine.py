@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.readers import require
+
 ROOT = Path(__file__).parents[2]
 TARGETS = ("help", "install", "demo", "test", "check", "serve", "bench")
-
-needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 
 
 def make(*arguments: str) -> str:
     # What the make that runs these tests hands on would make this one tell where it is.
     outside = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
     run = subprocess.run(
-        ["make", *arguments], cwd=ROOT, env=outside, capture_output=True, text=True, timeout=60
+        [require("make", "make"), *arguments],
+        cwd=ROOT,
+        env=outside,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert run.returncode == 0, run.stderr
     return run.stdout
 
 
-@needs_make
 @pytest.mark.contract("1: make help")
 def test_make_help_has_one_line_for_each_target() -> None:
     lines = make("help").splitlines()
@@ -34,7 +37,6 @@ def test_make_help_has_one_line_for_each_target() -> None:
     assert all(re.fullmatch(r"make \w+ +\S.*", line) for line in lines)
 
 
-@needs_make
 @pytest.mark.contract("1: make demo, make test")
 @pytest.mark.parametrize(
     ("target", "command"),

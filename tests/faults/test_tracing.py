@@ -5,11 +5,13 @@ from __future__ import annotations
 import gzip
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import import_module
 from typing import Any
 
 import pytest
 
 from tests.fleet import SHORT, Fleet
+from tests.readers import missing
 from tests.servers import in_background
 from tests.waiting import within
 from worker import tracing
@@ -47,7 +49,10 @@ class _Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def collector() -> Iterator[Collector]:
-    pytest.importorskip("opentelemetry.exporter.otlp.proto.http", reason="gcvec[otel] is not installed")
+    try:
+        import_module("opentelemetry.exporter.otlp.proto.http")
+    except ImportError:
+        missing("gcvec[otel] is not installed")
     server = Collector()
     with in_background(server):
         yield server

@@ -15,6 +15,7 @@ import pytest
 from gcvec import kernels
 from gcvec.kernel_library import Calls, recorded_calls
 from gcvec.kernels import Kernel, bare_kernel, kernel, kinds
+from tests.readers import missing
 
 TURNS = 2_000_000_000
 
@@ -112,7 +113,7 @@ def compiled(calls: Calls, folder: Path) -> tuple[Path, Path]:
     try:
         calls.compile(library, contents)
     except (ImportError, RuntimeError) as problem:
-        pytest.skip(f"no library can be made here: {problem}")
+        missing(f"no library can be made here: {problem}")
     return library, contents
 
 
