@@ -34,7 +34,7 @@ class BoundedHttp(HttpToolsProtocol):
     _began = False  # whether a request did in the piece of data at hand
     _deadline: asyncio.TimerHandle | None = None  # while headers are awaited
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn does
         super().connection_made(transport)
         self._await_headers()
 

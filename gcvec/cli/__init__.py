@@ -15,7 +15,7 @@ def main() -> None:
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     if sys.stderr is None:  # the caller has closed it: what is told there is for nobody
-        sys.stderr = open(os.devnull, "w", errors="backslashreplace")  # noqa: SIM115
+        sys.stderr = open(os.devnull, "w", errors="backslashreplace")  # noqa: SIM115 - stays open
     try:
         from gcvec.cli._app import run
         from gcvec.cli._postponed import postpone

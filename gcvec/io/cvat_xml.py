@@ -88,10 +88,10 @@ class _Document(ContentHandler):
         self._path: list[str] = []
         self._locator: Locator | None = None
 
-    def setDocumentLocator(self, locator: Locator) -> None:  # noqa: N802
+    def setDocumentLocator(self, locator: Locator) -> None:  # noqa: N802 - SAX has named it
         self._locator = locator
 
-    def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802
+    def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802 - SAX has named it
         parents = self._path
         if not parents and name != "annotations":
             raise _unsupported(f"the root element is <{name}>, not <annotations>")
@@ -113,7 +113,7 @@ class _Document(ContentHandler):
         if self._path[-2:-1] == ["task"]:
             self._text.append(content)
 
-    def endElement(self, name: str) -> None:  # noqa: N802
+    def endElement(self, name: str) -> None:  # noqa: N802 - SAX has named it
         parents = self._path
         parents.pop()
         if parents[1:2] != ["meta"]:

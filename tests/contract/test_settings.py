@@ -111,7 +111,7 @@ def test_a_folder_that_cannot_be_written_to_is_named_at_the_start(
     ids=str,
 )
 def test_what_can_be_used_is_accepted(good: dict[str, str]) -> None:
-    assert Settings(**good)  # type: ignore[arg-type]
+    assert Settings(**good)
 
 
 @pytest.mark.service

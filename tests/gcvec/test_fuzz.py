@@ -114,7 +114,6 @@ def refused(data: bytes) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="peak memory is read with the resource module")
 def test_ten_thousand_broken_files_do_no_harm() -> None:
     rng = np.random.default_rng(20)
     for stream in streams():

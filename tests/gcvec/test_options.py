@@ -36,5 +36,5 @@ def test_a_value_of_another_kind_is_refused_by_name(name: str, value: Any) -> No
 def test_numbers_of_numpy_are_numbers() -> None:
     options = Options(
         target_mse=np.float32(7.5), snap=np.int64(2), max_points=np.uint16(9), effort=np.int8(3)
-    )  # type: ignore[arg-type]
+    )
     assert (options.target_mse, options.snap, options.max_points, options.effort) == (7.5, 2, 9, 3)

@@ -124,6 +124,6 @@ def test_labels_of_strangers_files_are_plain_text(monkeypatch: pytest.MonkeyPatc
     read = VectorImage.from_bytes(odd.to_bytes())
     assert read.labels[0] == "\ufffd"
     assert VectorImage.from_bytes(read.to_bytes()).labels == read.labels
-    numbers = replace(image, labels=(7, *image.labels[1:]))  # type: ignore[arg-type]
+    numbers = replace(image, labels=(7, *image.labels[1:]))
     with pytest.raises(InputError, match="labels that are no text"):
         VectorImage.from_bytes(numbers.to_bytes())

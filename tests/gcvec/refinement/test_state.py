@@ -315,7 +315,7 @@ class Scripted(Refinement):
     asked  share, growth and expected error of each round
     """
 
-    aim = 1.0  # type: ignore[assignment]
+    aim = 1.0
 
     def __init__(self, *rounds: tuple[int, float, bool], points: int = 0, mse: float = 100.0) -> None:
         self.points, self.mse, self.lack, self.bias = np.zeros((points, 2), np.int64), mse, 0.0, 1.0
