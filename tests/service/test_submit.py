@@ -3,9 +3,11 @@ from __future__ import annotations
 import json
 import socket
 from errno import ENOSPC
+from io import BytesIO
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
 from typing import Any, NoReturn
+from zipfile import ZipFile
 
 import httpx
 import pytest
@@ -39,6 +41,19 @@ def test_a_picture_is_found_by_its_name(api: httpx.Client, sent: str, annotated:
     two = cvat("other.png").replace(b"</annotations>", cvat(annotated).partition(b"</version>")[2])
     answer = api.post("/v1/jobs", files={"image": (sent, png()), "annotations": ("a.xml", two)})
     assert answer.status_code == 202, answer.text
+
+
+def test_a_zip_may_hold_annotations_of_several_subsets(api: httpx.Client) -> None:
+    buffer = BytesIO()
+    with ZipFile(buffer, "w") as target:
+        for subset in ("train", "val"):
+            target.writestr(f"{subset}.xml", cvat())
+    files = {"image": IMAGE, "annotations": ("task.zip", buffer.getvalue())}
+    problem = refused(api.post("/v1/jobs", files=files), 422, "unknown-image")
+    assert "'train/a.png', 'val/a.png'" in problem["detail"]
+    assert problem["pointer"] == "/annotations"
+    options = {"options": json.dumps({"image_name": "val/a.png"})}
+    assert api.post("/v1/jobs", files=files, data=options).status_code == 202
 
 
 def test_the_message_is_a_job_id_and_nothing_large_is_in_redis(api: httpx.Client, settings: Settings) -> None:
