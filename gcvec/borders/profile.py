@@ -34,6 +34,10 @@ BEYOND = 3.5
 """So far off the line, pixels, the colour beside a thin side must have turned back: else the blur of its
 other border does not reach the flank."""
 
+LEAST_HALF, ALONG = 0.9, 3
+"""Where it is no further than this to half-way through a thin region, pixels, no pixel need show its whole
+colour; one will so many pixels either way along it."""
+
 _PER_SIDE, _FLANK = round(REACH / SPACING), round(FLANK / SPACING)
 
 
@@ -157,11 +161,12 @@ def _stands_out(profile, low, high):
 
 
 @kernel
-def _thin_step(profile, low, high, thin):
+def _thin_step(picture, point, normal, profile, low, high, thin):
     """Where the step is between the colours of two sides of which one, or both, are `thin` `(2,)`.
 
-    A side too thin for a flank shows most of its own colour half-way through it. So far its profile is that
-    of a step, and the integral of its share tells where.
+    A side too thin for a flank shows most of its own colour half-way through it; if it is not even a pixel
+    to there, somewhere along it. So far its profile is that of a step, and the integral of its share tells
+    where.
     """
     if thin[0] and thin[1]:
         first, last = _furthest_pair(profile)
@@ -171,7 +176,26 @@ def _thin_step(profile, low, high, thin):
     else:
         last = _furthest(profile, low, _PER_SIDE + 1, 2 * _PER_SIDE + 1)
         first = _furthest(profile, profile[last], 0, _PER_SIDE)
-    return _step_between(profile, first, last, profile[first], profile[last])
+    low, high = profile[first], profile[last]
+    if thin[0] and (_PER_SIDE - first) * SPACING < LEAST_HALF:
+        low = _color_along(picture, point, normal, first - _PER_SIDE, high)
+    if thin[1] and (last - _PER_SIDE) * SPACING < LEAST_HALF:
+        high = _color_along(picture, point, normal, last - _PER_SIDE, low)
+    return _step_between(profile, first, last, low, high)
+
+
+@kernel
+def _color_along(picture, point, normal, k, other):
+    """The colour furthest from the `other` along a thin region whose profile turns back at its sample k."""
+    color, furthest, largest = np.empty(3), np.empty(3), -1.0
+    x, y = point[0] + k * SPACING * normal[0], point[1] + k * SPACING * normal[1]
+    for s in range(-ALONG, ALONG + 1):
+        color_at(picture, x - s * normal[1], y + s * normal[0], color)
+        square = _square(color, other)
+        if square > largest:
+            largest = square
+            furthest[:] = color
+    return furthest
 
 
 @kernel
@@ -230,14 +254,14 @@ def step_shifts(picture, points, normals, thin):
             if _is_line(profile, low, high, spread):
                 trust[i] = UNEVEN
                 if thin[i, 0] or thin[i, 1]:
-                    shift[i] = _thin_step(profile, low, high, thin[i])
+                    shift[i] = _thin_step(picture, points[i], normals[i], profile, low, high, thin[i])
             continue
         trust[i] = min(np.sqrt(step / 3) / SURE_STEP, 1.0)
         if thin[i, 0] or thin[i, 1]:
             back = _turns_back(picture, points[i], normals[i], low, high)
             if back or _stands_out(profile, low, high):
                 trust[i] *= UNEVEN
-                shift[i] = _thin_step(profile, low, high, thin[i])
+                shift[i] = _thin_step(picture, points[i], normals[i], profile, low, high, thin[i])
                 continue
         if spread > LARGEST_SPREAD**2 * step:
             trust[i] *= UNEVEN
