@@ -19,6 +19,7 @@ from gcvec.patches.drawing import FLATNESS
 from gcvec.quantization import Quantization
 
 if TYPE_CHECKING:
+    from gcvec.codec.point_colors import Neighborhoods
     from gcvec.metrics import Report
     from gcvec.recoloring import Recoloring
 
@@ -88,14 +89,20 @@ class VectorImage:
 
     @cached_property
     def colors(self) -> Floats:
-        """All unknown colours `(b + n, 3)`, as they are drawn: at most `OVERSHOOT` beyond [0, 1]."""
-        colors = np.concatenate([self.boundary_colors, self.point_colors])
-        return np.asarray(np.clip(colors, -OVERSHOOT, 1 + OVERSHOOT))
+        """All unknown colours `(b + n, 3)`, as they are drawn."""
+        return drawn_colors(np.concatenate([self.boundary_colors, self.point_colors]))
 
     @cached_property
     def foldovers(self) -> int:
         """Triangles of the canonical mesh that the patches turn over."""
         return len(self.canvas.foldovers())
+
+    @cached_property
+    def neighborhoods(self) -> Neighborhoods:
+        """What its file predicts the colours of interior control points from."""
+        from gcvec.codec.point_colors import neighborhoods
+
+        return neighborhoods(self.points, self.patch_of_points, self.height, self.width)
 
     @property
     def patch_of_points(self) -> Ints:
@@ -163,6 +170,12 @@ class VectorImage:
             known["picture"] = picture
         return image
 
+    def in_steps(self, steps: Quantization) -> VectorImage:
+        """This image, to be stored in other steps."""
+        image = replace(self, quantization=steps).knowing(self.canvas)
+        image.__dict__["neighborhoods"] = self.neighborhoods
+        return image
+
     @classmethod
     def from_bytes(cls, data: bytes) -> VectorImage:
         """Read a `.gcv` file; `InputError` when it is not a whole one."""
@@ -182,6 +195,11 @@ class VectorImage:
         from gcvec.export.description import describe
 
         return describe(self)
+
+
+def drawn_colors(colors: Floats) -> Floats:
+    """Colours as they are drawn: at most `OVERSHOOT` beyond [0, 1]."""
+    return np.asarray(np.clip(colors, -OVERSHOOT, 1 + OVERSHOOT))
 
 
 def to_8_bit(picture: Floats) -> NDArray[np.uint8]:

@@ -34,7 +34,6 @@ from gcvec.codec.point_colors import (
     POINT_INPUTS,
     POINT_ROWS,
     code_point_colors,
-    neighborhoods,
 )
 from gcvec.codec.range_coder import Coder
 from gcvec.codec.text import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
@@ -51,7 +50,7 @@ from gcvec.codec.topology import (
 from gcvec.curves.loops import network_loops
 from gcvec.curves.network import Curve, Network, straight_line
 from gcvec.errors import InputError
-from gcvec.patches.canonical import Canvas, Foundation, lay_canvas, lay_foundation
+from gcvec.patches.canonical import Foundation, lay_canvas, lay_foundation
 from gcvec.patches.color_space import LEFT, RIGHT
 from gcvec.plain_text import plain_text
 from gcvec.quantization import Quantization
@@ -99,6 +98,16 @@ def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
             stream = stream.ljust(shortest_stream(image.width, image.height, n_points, n_text), b"\0")
             return sealed(stream), boundary_colors, point_colors
         capacity *= 4
+
+
+def rounded_colors(image: VectorImage) -> tuple[Floats, Floats]:
+    """The boundary and point colours that a decoder of a vector image's file will see. Of one without
+    recoloured patches; the file is not made."""
+    coder, steps = range_coder.rehearser(), image.quantization
+    boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
+    _code_boundary(coder, image.foundation, steps, boundary_colors)
+    _code_points(coder, image, _bitmap(image), boundary_colors, point_colors)
+    return boundary_colors, point_colors
 
 
 def sealed(stream: bytes, version: int = VERSION) -> bytes:
@@ -151,13 +160,19 @@ def _write(
     if image.control_points is not None:
         _code_positions(coder, curves, table, steps, image.control_points.copy())
     _code_boundary(coder, image.foundation, steps, boundary_colors)
-    occupied = np.zeros((network.height, network.width), np.uint8)
-    occupied[image.points[:, 1], image.points[:, 0]] = 1
+    occupied = _bitmap(image)
     _code_occupancy(coder, occupied)
-    _code_points(coder, image.canvas, steps, image.points, occupied, boundary_colors, point_colors)
+    _code_points(coder, image, occupied, boundary_colors, point_colors)
     if shifts is not None:
         _code_shifts(coder, shifts)
     return len(text), len(table) + len(reference) + len(image.points)
+
+
+def _bitmap(image: VectorImage) -> NDArray[np.uint8]:
+    """`(h, w)` 1 where there are interior control points."""
+    occupied = np.zeros((image.height, image.width), np.uint8)
+    occupied[image.points[:, 1], image.points[:, 0]] = 1
+    return occupied
 
 
 def _read(coder: Coder, version: int, length: int) -> VectorImage:
@@ -195,10 +210,10 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     drawing, *_ = canvas.unit
     demand(len(drawing.triangles) > 0, "curves that do not fit together")
     point_colors = np.zeros((len(points), 3))
-    _code_points(coder, canvas, steps, points, occupied, boundary_colors, point_colors)
-    _check_whole(coder)
     image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
     image = image.knowing(canvas)
+    _code_points(coder, image, occupied, boundary_colors, point_colors)
+    _check_whole(coder)
     if not edits & RECOLORED:
         return image
     shifts = np.zeros((n_patches, 3), np.int64)
@@ -348,33 +363,27 @@ def _code_boundary(coder: Coder, foundation: Foundation, steps: Quantization, co
 
 
 def _code_points(
-    coder: Coder,
-    canvas: Canvas,
-    steps: Quantization,
-    points: Ints,
-    occupied: NDArray[np.uint8],
-    boundary_colors: Floats,
-    colors: Floats,
+    coder: Coder, image: VectorImage, occupied: NDArray[np.uint8], boundary_colors: Floats, colors: Floats
 ) -> None:
-    """Write the interior colours, or read them; either way `colors` becomes what a decoder sees."""
-    base = predicted_colors(canvas.foundation, boundary_colors, points)
-    coordinates, patch = np.zeros(colors.shape, np.int64), canvas.patch_of_points()
+    """Write the interior colours, or read them; either way `colors` becomes what a decoder sees, as
+    `boundary_colors` are."""
+    base = predicted_colors(image.foundation, boundary_colors, image.points)
+    coordinates, step = np.zeros(colors.shape, np.int64), image.quantization.point
     code_point_colors(
         coder,
         fresh_model(POINT_COUNTERS, POINT_ROWS, POINT_INPUTS),
-        points,
-        patch,
+        image.points,
+        image.patch_of_points,
         occupied,
-        neighborhoods(points, patch, *occupied.shape),
-        to_coordinates(colors - base, steps.point),
+        image.neighborhoods,
+        to_coordinates(colors - base, step),
         coordinates,
     )
-    colors[:] = base + from_coordinates(coordinates, steps.point)
+    colors[:] = base + from_coordinates(coordinates, step)
 
 
 def predicted_colors(foundation: Foundation, boundary_colors: Floats, points: Ints) -> Floats:
     """Colours `(n, 3)` that the patches without interior control points have at pixels `points` `(n, 2)`."""
-    bare = foundation.bare_canvas
-    operator, corner_color = bare.operator(bare.drawing(flatness=np.inf))
+    operator, corner_color = foundation.bare_colors
     colors: Floats = operator @ boundary_colors
     return foundation.geometry.interpolate(points.astype(np.float64) + 0.5, colors[corner_color])

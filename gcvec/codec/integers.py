@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.codec.mixing import Model, code_decision
-from gcvec.codec.range_coder import Coder
+from gcvec.codec.range_coder import Coder, rehearses
 from gcvec.kernels import bare_kernel, kernel
 
 LONGEST = 24
@@ -25,6 +25,8 @@ def code_integer(coder: Coder, model: Model, n: int, n_sign: int, row: int, valu
     Its magnitude is mixed from the first `n` slots, its sign from `n_sign` more after them; `row` is the
     first of its `NODES` rows.
     """
+    if rehearses(coder):
+        return value
     magnitude = abs(value)
     length = 0
     while magnitude >> length:

@@ -17,7 +17,7 @@ from gcvec.codec.colors import FRACTION, rounded
 from gcvec.codec.integers import NODES, code_integer, sign, size_class
 from gcvec.codec.mixing import Model, place_contexts
 from gcvec.codec.prediction import FURTHEST, correction, learn, nearest_integer
-from gcvec.codec.range_coder import Coder
+from gcvec.codec.range_coder import Coder, rehearses
 from gcvec.kernels import bare_kernel, kernel
 from gcvec.parallel import in_shares
 
@@ -154,8 +154,9 @@ def code_point_colors(
         block = (y >> _BLOCK_BITS) * ((width >> _BLOCK_BITS) + 1) + (x >> _BLOCK_BITS)
         for axis in range(3):
             prediction = _predict(nearby, result, differences, i, axis, gain, features)
-            _choose_sizes(model, axis, nearby, differences[i], block, pattern, dense, patch[i])
-            _choose_signs(model, axis, nearby, result, differences, i, patch[i], prediction)
+            if not rehearses(coder):
+                _choose_sizes(model, axis, nearby, differences[i], block, pattern, dense, patch[i])
+                _choose_signs(model, axis, nearby, result, differences, i, patch[i], prediction)
             row = axis * _AXIS_ROWS + min(size_class(activity[axis]) >> 2, _SELECTORS - 1) * NODES
             offer = rounded(wanted[i, axis] - prediction / FRACTION, activity[axis] / 4)
             difference = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, row, offer)

@@ -49,6 +49,13 @@ class Foundation:
         geometry = self.geometry
         return Canvas(self, geometry.mesh, geometry.blend, geometry.image[geometry.mesh.n_samples :])
 
+    @cached_property
+    def bare_colors(self) -> tuple[sparse.csr_array, Ints]:
+        """R from the boundary unknowns to the colours of the mesh that S is defined on, with curves drawn
+        along its edges, and which of them each corner of its triangles has."""
+        bare = self.bare_canvas
+        return bare.operator(bare.drawing(flatness=np.inf))
+
     def polylines(self, flatness: float) -> Polylines:
         """Its curves as polylines within `flatness` pixels of them."""
         if flatness == FLATNESS:

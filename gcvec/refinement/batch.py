@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
+from gcvec.codec.file import rounded_colors
 from gcvec.quantization import Quantization
-from gcvec.refinement.draft import Draft, drafted
+from gcvec.refinement.draft import Draft, drafted, image_of
 from gcvec.refinement.landing import landed
 from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
@@ -73,14 +76,17 @@ def refine_batch(
     state = Refinement(scene, terms, rounding.aim, on_iteration, clock, start)
     target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
-    def file(steps: Quantization) -> Draft:
-        return drafted(state.canvas, state.points, state.colors, scene, steps)
-
     def settled() -> Draft:
         state.settle()
         with clock.stage("encode"):
             cost = rounding.cost(terms.steps, state.energy_a_pixel)
-            found = landed(file, terms.steps, state.mse, cost, target_mse + state.lack)
+            image = image_of(state.canvas, state.points, state.colors, scene, terms.steps)
+
+            def mse_in(steps: Quantization) -> float:
+                return state.mse_as_drawn(np.concatenate(rounded_colors(image.in_steps(steps))))
+
+            steps = landed(mse_in, terms.steps, state.mse, cost, target_mse + state.lack)
+            found = drafted(image.in_steps(steps), scene)
         rounding.learn(found.steps, state.energy_a_pixel, state.mse, found.mse, state.lack)
         return found
 

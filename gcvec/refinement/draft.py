@@ -31,8 +31,8 @@ class Draft:
         return self.image.quantization
 
 
-def drafted(canvas: Canvas, points: Ints, colors: Floats, scene: Scene, steps: Quantization) -> Draft:
-    """The file in these steps for a canvas with control points `(n, 2)`, by rows, and all colours
+def image_of(canvas: Canvas, points: Ints, colors: Floats, scene: Scene, steps: Quantization) -> VectorImage:
+    """What is to be stored in these steps: a canvas with control points `(n, 2)`, by rows, and all colours
     `(b + n, 3)`."""
     foundation, n_boundary = canvas.foundation, canvas.foundation.space.size
     image = VectorImage(
@@ -45,9 +45,15 @@ def drafted(canvas: Canvas, points: Ints, colors: Floats, scene: Scene, steps: Q
         steps,
     )
     # A decoder lays the same foundation and canvas again.
-    data, boundary_colors, point_colors = encode_rounded(image.knowing(canvas))
-    image = replace(image, boundary_colors=boundary_colors, point_colors=point_colors).knowing(canvas, data)
-    return Draft(data, image, float(squared_error(image.picture, scene.pixels).mean()))
+    return image.knowing(canvas)
+
+
+def drafted(image: VectorImage, scene: Scene) -> Draft:
+    """The file for a vector image of a scene."""
+    data, boundary_colors, point_colors = encode_rounded(image)
+    rounded = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
+    found = rounded.knowing(image.canvas, data)
+    return Draft(data, found, float(squared_error(found.picture, scene.pixels).mean()))
 
 
 def by_rows(points: Ints) -> Ints:

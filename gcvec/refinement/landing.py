@@ -1,4 +1,4 @@
-"""The file that comes closest to the error wanted: the same colours, in somewhat larger or smaller steps.
+"""The steps of colours whose file comes closest to the error wanted.
 
 The error that rounding adds goes with the square of the step. So a picture that is a little better than it
 need be is stored in fewer bytes, and one that is not quite as good still reaches its target, without another
@@ -11,52 +11,56 @@ import math
 from collections.abc import Callable
 
 from gcvec.quantization import Quantization
-from gcvec.refinement.draft import Draft
 
 LEAST_SCALE, MOST_SCALE = 0.75, 1.25
 """How far steps may differ from the planned ones: beyond, more or fewer points are the better way."""
 
-AIM = 0.997
+AIM = 0.9985
 """The share of the target to aim at: the error does not fall quite evenly with the steps."""
 
-WORTH = 1.02
-"""Steps that are larger by less than this factor are not worth making another file."""
+KEPT = 0.9999
+"""An error of this share of the target is taken to keep it: a file's picture is computed more exactly."""
 
-MOST_FILES = 4
-"""A bound on the time: each file costs a coding, and a drawing of what a decoder sees."""
+WORTH = 1.01
+"""Steps that are larger by less than this factor are not worth another try."""
+
+MOST_TRIES = 6
+"""A bound on the time: each costs a prediction of all colours."""
 
 
 def landed(
-    file: Callable[[Quantization], Draft],
+    mse_in: Callable[[Quantization], float],
     planned: Quantization,
     before: float,
     rounding: float,
     target_mse: float,
-) -> Draft:
-    """The file with the largest colour steps, near the planned ones, whose error is `target_mse` or less.
+) -> Quantization:
+    """The largest colour steps, near the planned ones, in which the error `mse_in` them is `target_mse` or
+    less.
 
     `before` is the error before rounding, and `rounding` what the planned steps are expected to add. Where no
-    steps near the planned ones keep the target, the file with the smallest; in the planned ones where even
-    exact colours would not.
+    steps near the planned ones keep the target, the smallest tried; the planned ones where even exact colours
+    would not.
     """
     if before >= target_mse:
-        return file(planned)
-
-    def in_steps_of(step: int) -> Draft:
-        return file(planned.scaled(step / planned.point_step))
+        return planned
 
     def ideal(step: int, rounding: float) -> int:
         allowed = max(AIM * target_mse - before, 0.0)
         return round(step * math.sqrt(allowed / max(rounding, 1e-9)))
 
+    most_kept = KEPT * target_mse
     least, most = math.ceil(LEAST_SCALE * planned.point_step), int(MOST_SCALE * planned.point_step)
-    files = [in_steps_of(min(max(ideal(planned.point_step, rounding), least), most))]
-    while len(files) < MOST_FILES:
-        step, kept = files[-1].steps.point_step, files[-1].mse <= target_mse
+    step = min(max(ideal(planned.point_step, rounding), least), most)
+    tried: dict[Quantization, float] = {}
+    while len(tried) < MOST_TRIES:
+        steps = planned.scaled(step / planned.point_step)
+        tried[steps] = mse = mse_in(steps)
+        kept = mse <= most_kept
         least, most = (step + 1, most) if kept else (least, step - 1)
-        step = min(ideal(step, files[-1].mse - before), most)
-        some_kept = any(one.mse <= target_mse for one in files)
+        step = min(ideal(step, mse - before), most)
+        some_kept = any(one <= most_kept for one in tried.values())
         if least > most or (some_kept and step < WORTH * (least - 1)):
             break
-        files.append(in_steps_of(max(step, least)))
-    return min(files, key=lambda one: (one.mse > target_mse, abs(one.mse - target_mse)))
+        step = max(step, least)
+    return min(tried, key=lambda one: (tried[one] > most_kept, abs(tried[one] - most_kept)))

@@ -18,6 +18,7 @@ from gcvec.colors.least_squares import solve_bounded
 from gcvec.error_scale import PEAK_SQUARE, square_of, told_mse
 from gcvec.greedy import Placement, Shown, begin_placement
 from gcvec.greedy.seats import Seats, find_seats
+from gcvec.metrics import squared_error
 from gcvec.patches.canonical import lay_unfolded_canvas
 from gcvec.refinement.bargains import LEAST_RETURN, Bargains, bargains
 from gcvec.refinement.clearance import find_clear_pixels
@@ -25,6 +26,7 @@ from gcvec.refinement.draft import by_rows
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.seeding import find_seeds
 from gcvec.timing import StageClock
+from gcvec.vector_image import drawn_colors, to_8_bit
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -129,6 +131,7 @@ class Refinement:
         start = start or Start(np.zeros((0, 2), np.int64), scene.boundary_colors, 0)
         self.points, self.colors = start.points, start.colors
         self._prior = scene.boundary_colors
+        self._pixels = scene.pixels
         self._picture = np.divide(scene.pixels, np.float32(255))
         self.truth = self._picture.reshape(-1, 3)
         self._strength = float(np.clip(terms.target_mse, *PULLING_TARGETS))
@@ -398,6 +401,11 @@ class Refinement:
         pull = np.full(len(prior), POINT_WEIGHT * self._strength)
         pull[: len(self._prior)] = BOUNDARY_WEIGHT * self._strength
         return prior, pull
+
+    def mse_as_drawn(self, colors: Floats) -> float:
+        """The mean squared error of the picture with these colours `(b + n, 3)`, in 8 bits."""
+        picture = to_8_bit(self.truth - self.fit.residual(drawn_colors(colors), self.truth))
+        return float(squared_error(picture, self._pixels.reshape(-1, 3)).mean())
 
     def _measure(self) -> None:
         self.residual = self.fit.residual(self.colors, self.truth)

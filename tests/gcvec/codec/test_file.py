@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcvec import InputError, VectorImage
-from gcvec.codec.file import decode, encode, sealed
+from gcvec.codec.file import decode, encode, encode_rounded, rounded_colors, sealed
+from gcvec.quantization import Quantization
 from tests.gcvec.scenes import SCENES, vectorized
 
 
@@ -33,6 +34,22 @@ def test_a_file_holds_the_whole_picture(scene: str) -> None:
     np.testing.assert_array_equal(again.points, image.points)
     np.testing.assert_allclose(again.colors, image.colors, atol=1e-12)
     assert encode(again) == file_of(scene)
+
+
+@pytest.mark.parametrize("step", [9, 64, 200])
+@pytest.mark.parametrize("scene", SCENES)
+def test_colors_are_rounded_without_a_file_as_they_are_with_one(scene: str, step: int) -> None:
+    image, rng = vectorized(scene), np.random.default_rng(step)
+    exact = replace(
+        image,
+        boundary_colors=rng.uniform(0, 1, image.boundary_colors.shape),
+        point_colors=rng.uniform(0, 1, image.point_colors.shape),
+    ).knowing(image.canvas)
+    exact = exact.in_steps(Quantization(boundary_step=step, point_step=step))
+    data, *in_file = encode_rounded(exact)
+    assert decode(data).quantization.point_step == step
+    for rounded, expected in zip(rounded_colors(exact), in_file, strict=True):
+        np.testing.assert_array_equal(rounded, expected)
 
 
 @pytest.mark.parametrize("scene", ["pixel", "ring", "voronoi"])

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcvec.metrics import squared_error
 from gcvec.patches.canonical import lay_canvas
 from gcvec.quantization import Quantization
 from gcvec.raster import paint
 from gcvec.refinement import state as state_module
 from gcvec.refinement.bargains import LEAST_RETURN, Bargains, bargains
+from gcvec.refinement.draft import image_of
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import (
     CROWDED,
@@ -100,6 +102,16 @@ def test_every_round_leaves_a_state_that_is_true() -> None:
         assert_true(state)
     assert state.foundation.geometry.mesh.n_points == 0
     assert len(state.canvas.foldovers()) == 0
+
+
+def test_the_error_of_other_colors_is_that_of_their_picture() -> None:
+    state = begun()
+    state.grow(3.0, early=False)
+    off = np.random.default_rng(3).normal(0, 0.05, state.colors.shape)
+    scene = Scene(photo(), state.foundation, np.full((N_BOUNDARY, 3), 0.5))
+    image = image_of(state.canvas, state.points, state.colors + off, scene, Quantization())
+    error = squared_error(image.render(), photo()).mean()
+    assert state.mse_as_drawn(state.colors + off) == pytest.approx(error, rel=1e-4)
 
 
 def test_growth_comes_near_the_aim_and_exchanges_come_closer() -> None:
