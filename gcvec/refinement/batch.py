@@ -14,7 +14,7 @@ import numpy as np
 from gcvec.codec.file import rounded_colors
 from gcvec.quantization import Quantization
 from gcvec.refinement.draft import Draft, drafted, image_of
-from gcvec.refinement.landing import landed
+from gcvec.refinement.landing import landing_steps
 from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import FEW, GROWTH, LEAST_SPARE, Refinement
@@ -85,7 +85,7 @@ def refine_batch(
             def mse_in(steps: Quantization) -> float:
                 return state.mse_as_drawn(np.concatenate(rounded_colors(image.in_steps(steps))))
 
-            steps = landed(mse_in, terms.steps, state.mse, cost, target_mse + state.lack)
+            steps = landing_steps(mse_in, terms.steps, state.mse, cost, target_mse + state.lack)
             found = drafted(image.in_steps(steps), scene)
         rounding.learn(found.steps, state.energy_a_pixel, state.mse, found.mse, state.lack)
         return found

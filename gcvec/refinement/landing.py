@@ -28,7 +28,7 @@ MOST_TRIES = 6
 """A bound on the time: each costs a prediction of all colours."""
 
 
-def landed(
+def landing_steps(
     mse_in: Callable[[Quantization], float],
     planned: Quantization,
     before: float,

@@ -10,7 +10,7 @@ from skimage import data
 
 from gcvec import Options, vectorize
 from gcvec.quantization import Quantization
-from gcvec.refinement.landing import KEPT, LEAST_SCALE, MOST_SCALE, MOST_TRIES, landed
+from gcvec.refinement.landing import KEPT, LEAST_SCALE, MOST_SCALE, MOST_TRIES, landing_steps
 
 TARGET = 5.0
 
@@ -48,7 +48,7 @@ def test_the_target_is_kept_where_steps_can_keep_it(
 ) -> None:
     """However wrong the guess is, no more steps are tried than a few, and the best of them are taken."""
     added = Rounding(before, rounding / steps.point_step**2, tuple(uneven))
-    found = landed(added, steps, before, rounding * guess, TARGET).point_step
+    found = landing_steps(added, steps, before, rounding * guess, TARGET).point_step
     assert len(added.tried) == len(set(added.tried)) <= MOST_TRIES
     if before >= TARGET:
         assert found == steps.point_step
@@ -66,7 +66,7 @@ def test_the_target_is_kept_where_steps_can_keep_it(
 def test_steps_go_with_the_root_of_what_rounding_may_cost(before: float, step: int) -> None:
     """64 steps cost 0.85 here; no step is smaller than 48 or larger than 80."""
     added = Rounding(before, 0.85 / 64**2)
-    assert landed(added, Quantization(), before, 0.85, TARGET) == Quantization(
+    assert landing_steps(added, Quantization(), before, 0.85, TARGET) == Quantization(
         boundary_step=step, point_step=step
     )
     assert added.tried == [step]
