@@ -39,7 +39,7 @@ def fitted_network(traced: Borders, localized: Borders, grid: float = GRID) -> N
     """
     closeness = np.array(CLOSENESS)
     tries = np.zeros(len(traced.borders), np.int64)
-    before = _Turns(localized.loops, [border.samples for border in traced.borders])
+    before = _Turns(localized.loops, _from_node_to_node(traced))
     found = localized
     curves = fitted_curves(found.borders, closeness[tries], grid, FINEST_LEVEL)
     changed = np.arange(len(curves))
@@ -58,6 +58,19 @@ def fitted_network(traced: Borders, localized: Borders, grid: float = GRID) -> N
         )
         for k, curve in zip(changed, again, strict=True):
             curves[k] = curve
+
+
+def _from_node_to_node(traced: Borders) -> list[Floats]:
+    """The samples of all borders, which end beside their nodes where junctions were united, from node to
+    node: so loops close."""
+    rows = []
+    for border in traced.borders:
+        samples = border.samples
+        if not border.closed:
+            samples = samples.copy()
+            samples[0], samples[-1] = traced.nodes[border.start], traced.nodes[border.end]
+        rows.append(samples)
+    return rows
 
 
 class _Turns:

@@ -52,7 +52,7 @@ class ColorSpace:
         has.
 
         The colours are those of the control points, of the free vertices, and of every pair of boundary
-        vertex and patch in use.
+        vertex and patch in use. `ValueError` for a patch that lies beside none of its curves.
         """
         left = network.sides[:, 1]
         index, vertex, patch = boundary_corners(
@@ -80,6 +80,8 @@ class ColorSpace:
         )
         columns[filled:] = np.concatenate([own[0].ravel(), between[0].ravel()])
         values[filled:] = np.concatenate([own[1].ravel(), between[1].ravel()])
+        if (columns == OUTSIDE).any():
+            raise ValueError("curves that do not lie beside their patches")
         free_start = n_points + blend.boundary.indptr + blend.points.indptr
         lengths = np.repeat([own[0].shape[1], between[0].shape[1]], [len(own[0]), len(between[0])])
         start = np.concatenate([np.arange(n_points), free_start, filled + np.cumsum(lengths)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from gcvec.curves.network_fit import (
     HALF_TRACED,
     NEAR_NODE,
     TRACED,
+    _from_node_to_node,
     _inside_out,
     _mixed,
     _Turns,
@@ -149,6 +151,25 @@ def test_areas_are_those_of_the_loops() -> None:
     rings = [np.concatenate([rows[k][:: 1 if forward else -1][:-1] for k, forward in loop]) for loop in loops]
     found = _Turns(traced().loops, rows).area
     np.testing.assert_allclose(found, [2 * shoelace(ring) for ring in rings], atol=1e-6)
+
+
+def test_loops_close_where_borders_end_beside_their_nodes() -> None:
+    """As those do that met in another node before junctions were united."""
+    beside = [
+        border if border.closed else replace(border, samples=border.samples[1:-1])
+        for border in traced().borders
+    ]
+    rows = _from_node_to_node(replace(traced(), borders=tuple(beside)))
+    for samples, border in zip(rows, traced().borders, strict=True):
+        if not border.closed:
+            np.testing.assert_array_equal(samples[[0, -1]], traced().nodes[[border.start, border.end]])
+    areas = _Turns(traced().loops, rows).area
+    rings = [
+        np.concatenate([rows[k][:: 1 if forward else -1][:-1] for k, forward in loop])
+        for region in traced().loops
+        for loop in region
+    ]
+    np.testing.assert_allclose(areas, [2 * shoelace(ring) for ring in rings], atol=1e-6)
 
 
 def test_a_loop_that_has_turned_over_is_noticed() -> None:

@@ -1,8 +1,11 @@
 """The operator from unknown colours to the corners of drawn triangles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from gcvec.borders.planar_graph import OUTSIDE
 from gcvec.patches.canonical import Canvas, lay_canvas
 from gcvec.patches.color_space import LEFT, RIGHT, boundary_corners
 from gcvec.patches.drawing import Drawing
@@ -87,3 +90,17 @@ def test_colours_are_weighted_means() -> None:
     canvas = lay_canvas(foundation, some_points(foundation, 30))
     operator, _ = canvas.operator(canvas.drawing())
     np.testing.assert_allclose(operator @ np.ones(operator.shape[1]), 1, rtol=0, atol=1e-9)
+
+
+def test_a_patch_beside_none_of_its_curves_is_refused() -> None:
+    """As a file may say: a colour that is not there would be read from outside the others."""
+    foundation = foundation_of("quadrants")
+    network, samples, mesh = foundation.network, foundation.samples, foundation.geometry.mesh
+    canvas = foundation.bare_canvas
+    drawing = canvas.drawing()
+    beside_frame = (network.sides[samples.curve] == OUTSIDE).any(axis=1) & (samples.curve >= 0)
+    touching = beside_frame[np.minimum(drawing.triangles, mesh.n_samples - 1)]
+    touching = (touching & (drawing.triangles < mesh.n_samples)).any(axis=1)
+    wrong = np.where(touching, len(network.loops) - 1 - drawing.patch, drawing.patch)
+    with pytest.raises(ValueError, match="beside their patches"):
+        foundation.space.operator(network, samples, replace(drawing, patch=wrong), mesh, canvas.blend)
