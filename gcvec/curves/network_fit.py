@@ -39,7 +39,7 @@ def fitted_network(traced: Borders, localized: Borders, grid: float = GRID) -> N
     """
     closeness = np.array(CLOSENESS)
     tries = np.zeros(len(traced.borders), np.int64)
-    before = _Turns(localized.loops, _from_node_to_node(traced))
+    before = _Turns(localized.loops, traced)
     found = localized
     curves = fitted_curves(found.borders, closeness[tries], grid, FINEST_LEVEL)
     changed = np.arange(len(curves))
@@ -60,19 +60,6 @@ def fitted_network(traced: Borders, localized: Borders, grid: float = GRID) -> N
             curves[k] = curve
 
 
-def _from_node_to_node(traced: Borders) -> list[Floats]:
-    """The samples of all borders, which end beside their nodes where junctions were united, from node to
-    node: so loops close."""
-    rows = []
-    for border in traced.borders:
-        samples = border.samples
-        if not border.closed:
-            samples = samples.copy()
-            samples[0], samples[-1] = traced.nodes[border.start], traced.nodes[border.end]
-        rows.append(samples)
-    return rows
-
-
 class _Turns:
     """Which way round the loops of a picture run.
 
@@ -82,11 +69,13 @@ class _Turns:
     area    (l,) twice the signed area inside it
     """
 
-    def __init__(self, loops: tuple[tuple[Loop, ...], ...], rows: list[Floats]) -> None:
+    def __init__(self, loops: tuple[tuple[Loop, ...], ...], borders: Borders) -> None:
+        """Borders that end beside their nodes, as where junctions were united, are taken as far as these."""
         walks = [loop for region in loops for loop in region]
         halves = np.array([half for loop in walks for half in loop], np.int64).reshape(-1, 2)
         self.border, self.way = halves[:, 0], 2 * halves[:, 1] - 1
         self.first = np.cumsum([0, *map(len, walks)])[:-1]
+        rows = [between_nodes(border, borders.nodes).samples for border in borders.borders]
         self.area = self.areas(np.concatenate(rows), np.cumsum([0, *map(len, rows)]))
 
     def areas(self, points: Floats, starts: Ints) -> Floats:

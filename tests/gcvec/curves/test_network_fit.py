@@ -15,7 +15,6 @@ from gcvec.curves.network_fit import (
     HALF_TRACED,
     NEAR_NODE,
     TRACED,
-    _from_node_to_node,
     _inside_out,
     _mixed,
     _Turns,
@@ -145,37 +144,35 @@ def test_one_that_fails_again_goes_back_whole() -> None:
     assert_ends_at_nodes(found)
 
 
-def test_areas_are_those_of_the_loops() -> None:
-    rows = [border.samples for border in localized().borders]
+def areas_of_loops(rows: list[np.ndarray]) -> list[float]:
+    """Twice the area inside each loop, of samples from node to node."""
     loops = [loop for region in traced().loops for loop in region]
     rings = [np.concatenate([rows[k][:: 1 if forward else -1][:-1] for k, forward in loop]) for loop in loops]
-    found = _Turns(traced().loops, rows).area
-    np.testing.assert_allclose(found, [2 * shoelace(ring) for ring in rings], atol=1e-6)
+    return [2 * shoelace(ring) for ring in rings]
+
+
+def test_areas_are_those_of_the_loops() -> None:
+    rows = [border.samples for border in localized().borders]
+    found = _Turns(traced().loops, localized()).area
+    np.testing.assert_allclose(found, areas_of_loops(rows), atol=1e-6)
 
 
 def test_loops_close_where_borders_end_beside_their_nodes() -> None:
     """As those do that met in another node before junctions were united."""
-    beside = [
-        border if border.closed else replace(border, samples=border.samples[1:-1])
-        for border in traced().borders
-    ]
-    rows = _from_node_to_node(replace(traced(), borders=tuple(beside)))
-    for samples, border in zip(rows, traced().borders, strict=True):
-        if not border.closed:
-            np.testing.assert_array_equal(samples[[0, -1]], traced().nodes[[border.start, border.end]])
-    areas = _Turns(traced().loops, rows).area
-    rings = [
-        np.concatenate([rows[k][:: 1 if forward else -1][:-1] for k, forward in loop])
-        for region in traced().loops
-        for loop in region
-    ]
-    np.testing.assert_allclose(areas, [2 * shoelace(ring) for ring in rings], atol=1e-6)
+    beside, rows = [], []
+    for border in traced().borders:
+        cut = border if border.closed else replace(border, samples=border.samples[1:-1])
+        ends = traced().nodes[[border.start, border.end]]
+        beside.append(cut)
+        rows.append(cut.samples if border.closed else np.concatenate([ends[:1], cut.samples[1:-1], ends[1:]]))
+    found = _Turns(traced().loops, replace(traced(), borders=tuple(beside))).area
+    np.testing.assert_allclose(found, areas_of_loops(rows), atol=1e-6)
 
 
 def test_a_loop_that_has_turned_over_is_noticed() -> None:
     """The borders of a region mirrored: all of them but those on the frame are wrong, and no others."""
     network = fitted_network(traced(), traced(), Quantization().grid)
-    before = _Turns(traced().loops, [border.samples for border in traced().borders])
+    before = _Turns(traced().loops, traced())
     assert not len(_inside_out(network, traced(), before))
     region = next(
         r for r, (loop, *_) in enumerate(traced().loops) if any(traced().borders[k].on_frame for k, _ in loop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from gcvec.annotations import Annotations
 from gcvec.errors import InputError
@@ -12,24 +13,18 @@ from gcvec.io.cvat_xml import CvatDocument
 from gcvec.io.selection import select_image
 
 
-def read_coco(
+def _read(
+    kind: type[CocoDocument | CvatDocument],
     data: bytes,
     image_name: str | None = None,
     picture_name: str | None = None,
     limits: Limits = DEFAULT_LIMITS,
 ) -> Annotations:
-    document = CocoDocument(data, limits)
+    document = kind(data, limits)
     return document.annotations(select_image(document.names, image_name, picture_name))
 
 
-def read_cvat_xml(
-    data: bytes,
-    image_name: str | None = None,
-    picture_name: str | None = None,
-    limits: Limits = DEFAULT_LIMITS,
-) -> Annotations:
-    document = CvatDocument(data, limits)
-    return document.annotations(select_image(document.names, image_name, picture_name))
+read_coco, read_cvat_xml = partial(_read, CocoDocument), partial(_read, CvatDocument)
 
 
 def read_or_refused(read: Callable[[], Annotations]) -> Annotations | InputError:
