@@ -9,12 +9,14 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 from gcvec.kernels import CONTENTS, LIBRARY, LIBRARY_NAME, Kernel, Kinds, kinds, sources_stamp, symbol
+from gcvec.parallel import cores
 
 PROCESSORS = {"x86_64": "x86-64-v2", "AMD64": "x86-64-v2"}
 """What code is compiled for on machines of a kind, where that is more than its first processors had: what
@@ -97,9 +99,28 @@ def recorded_calls() -> Iterator[Calls]:
         Kernel.recorder = None
 
 
+def _call_kernels_of_files() -> None:
+    with recorded_calls():
+        from gcvec.warm_up import made_image, store_and_draw
+
+        store_and_draw(made_image())
+
+
+@contextmanager
+def _helper() -> Iterator[None]:
+    """Inside, another process compiles the kernels that come last, those of files and drawings, so that they
+    are found on disk when their turn has come: half the work, for the second core."""
+    helper = get_context("spawn").Process(target=_call_kernels_of_files)
+    helper.start()
+    try:
+        yield
+    finally:
+        helper.join()
+
+
 def main() -> None:
     """Make the library, or say why pictures will start more slowly."""
-    with recorded_calls() as calls:
+    with _helper() if cores() > 1 else nullcontext(), recorded_calls() as calls:
         from gcvec.warm_up import SIDE, warm_up
 
         warm_up(SIDE)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import logging
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from gcvec.vector_image import VectorImage
 
 logger = logging.getLogger(__name__)
 
@@ -23,11 +27,8 @@ def warm_up(side: int | None = None) -> None:
 
     Without a `side`, in pixels, the picture is as small as it may be.
     """
-    from gcvec import Annotations, Options, Shape, VectorImage, vectorize
-    from gcvec.export import error_map, patch_overlay
-    from gcvec.export.glb import glb
-    from gcvec.export.pdf import pdf
-    from gcvec.export.svg import svg
+    from gcvec import Annotations, Options, Shape, vectorize
+    from gcvec.export import error_map
     from gcvec.io import write_cvat_xml
     from gcvec.kernels import library
     from gcvec.regions.segment import segment
@@ -45,14 +46,50 @@ def warm_up(side: int | None = None) -> None:
     )
     for regions, workers in ((drawn, 1), (None, 0)):
         made = vectorize(pixels, regions, Options(max_points=0, target_mse=20, workers=workers))
-    result = VectorImage.from_bytes(made.to_bytes())
-    result.render(scale=2)
+    store_and_draw(made)
     write_cvat_xml(segment(pixels), "picture.png")
-    error_map(pixels, result)
-    patch_overlay(result)
-    for export in (svg, pdf, glb):
-        export(result)
+    error_map(pixels, made)
     logger.info("engine ready after %.1f s", time.perf_counter() - started)
+
+
+def store_and_draw(image: VectorImage) -> None:
+    """Write and read a vector image, draw it, and write every file that can be made of it."""
+    from gcvec import VectorImage
+    from gcvec.export import patch_overlay
+    from gcvec.export.glb import glb
+    from gcvec.export.pdf import pdf
+    from gcvec.export.svg import svg
+
+    image = VectorImage.from_bytes(image.to_bytes())
+    image.render(scale=2)
+    patch_overlay(image)
+    for export in (svg, pdf, glb):
+        export(image)
+
+
+def made_image() -> VectorImage:
+    """A disc in a square, made without the engine."""
+    from gcvec import VectorImage
+    from gcvec.curves.loops import network_loops
+    from gcvec.curves.network import Curve, Network, straight_line
+    from gcvec.patches.canonical import lay_foundation
+
+    side = 64
+    corners = side * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    turn = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    circle = side * (0.5 + 0.25 * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    ends = [(i, (i + 1) % 4) for i in range(4)]
+    frame = [Curve(straight_line(corners[a], corners[b], 2), -1, 0, a, b) for a, b in ends]
+    curves = (*frame, Curve(circle, 0, 1, -1, -1))
+    network = Network(side, side, 4, curves, network_loops(curves, 2))
+    hard = np.zeros(len(curves), bool)
+    colors = np.random.default_rng(0)
+    boundary_colors = colors.random((lay_foundation(network, hard).space.size, 3))
+    ys, xs = np.mgrid[4:side:4, 4:side:4]
+    points = np.stack([xs.ravel(), ys.ravel()], axis=1)
+    return VectorImage(
+        network, hard, boundary_colors, points, colors.random((len(points), 3)), labels=("square", "disc")
+    )
 
 
 def _picture(side: int) -> NDArray[np.uint8]:

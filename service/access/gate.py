@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 import re
-from ipaddress import ip_address
 from typing import Any, Final
 from urllib.parse import SplitResult, urlsplit
 
@@ -16,6 +15,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from service.access.keys import ANYONE, KeyRing
 from service.errors import ProblemError, answer, unavailable
+from service.sockets import is_loopback
 from worker.settings import Settings
 
 logger = logging.getLogger(__name__)
@@ -93,11 +93,3 @@ def _parts(address: str) -> SplitResult:
         return urlsplit(address)
     except ValueError:
         return urlsplit("")
-
-
-def is_loopback(host: str) -> bool:
-    """Whether `host`, a name or an address, can only mean this machine."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host.lower() == "localhost"

@@ -20,9 +20,8 @@ import click
 
 from gcvec.errors import FailureError, InputError
 from gcvec.parallel import cores
-from service.access.gate import is_loopback
 from service.broker import private_broker, wait_until_ready
-from service.sockets import listen
+from service.sockets import is_loopback, listen
 from service.supervisor import Command, Supervisor
 from worker import logs, storage
 from worker.queues import HOOKS_QUEUE, JOBS_QUEUE, SHORT_QUEUE

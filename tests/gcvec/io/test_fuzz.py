@@ -337,4 +337,4 @@ def test_damaged_files_are_read_or_refused(corpus: str) -> None:
 @pytest.mark.slow
 @corpora
 def test_thousands_of_damaged_files_are_read_or_refused(corpus: str) -> None:
-    read_many(*CORPORA[corpus], count=20_000)
+    read_many(*CORPORA[corpus], count=10_000)
