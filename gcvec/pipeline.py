@@ -40,10 +40,6 @@ FULL = 0.95
 FEWER = 2 / 3
 """A picture whose automatic regions do not fit into a file is divided anew, into this share of them."""
 
-ROUNDING = 4 / 15
-"""The paper's refinement looks at colours as they are before they are rounded to the file's steps. That adds
-about a twelfth of a step squared at most, which `Quantization.for_error` makes this share of the target."""
-
 
 def vectorize(
     pixels: NDArray[np.uint8],
@@ -102,7 +98,7 @@ def _vectorized(
         regions=tuple(replace(r, iterations=found.iterations[r.id]) for r in report.regions),
     )
     tell.done(report.points, report.mse)
-    warnings = (*regions.warnings, *_shortfall(report, options))
+    warnings = (*regions.warnings, *_shortfall(report, options, found.refined_mse))
     image = replace(found.image, warnings=warnings, report=report)
     return image.knowing(found.image.canvas, found.data, found.image.picture)
 
@@ -170,13 +166,14 @@ def _scene(
 
 
 class _Outcome(NamedTuple):
-    """The outcome of a run of refinement: a file, what it holds, its error, and in how many iterations each
-    region grew."""
+    """The outcome of a run of refinement: a file, what it holds, its error, in how many iterations each
+    region grew, and the error that the last of them had come to, before colours were rounded."""
 
     data: bytes
     image: VectorImage
     mse: float
     iterations: Counter[int]
+    refined_mse: float | None
 
 
 def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageClock, tell: Teller) -> _Outcome:
@@ -199,11 +196,15 @@ def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageCloc
         from gcvec.refinement.paper import refine_paper  # with the sparse solvers, which are slow to load
 
         draft = refine_paper(scene, terms, tell.iteration, clock)
-    return _Outcome(draft.data, draft.image, draft.mse, tell.iterations)
+    return _Outcome(draft.data, draft.image, draft.mse, tell.iterations, tell.mse)
 
 
-def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
-    """In one line, by how much the picture misses its target and why; nothing where it does not."""
+def _shortfall(report: Report, options: Options, refined_mse: float | None) -> tuple[str, ...]:
+    """In one line, by how much the picture misses its target and why; nothing where it does not.
+
+    The paper's strategy ends by colours that are not rounded yet; it needs no iteration where those at first
+    are good enough.
+    """
     alone = options.strategy == "paper"  # each region then stops by its own error, else by the picture's
     mse = report.mse_raw if alone else report.mse
     wanted = mse if options.target_bytes else options.target_mse
@@ -219,7 +220,7 @@ def _shortfall(report: Report, options: Options) -> tuple[str, ...]:
         return ()
     if full:
         why = held_back
-    elif options.strategy == "paper" and mse <= (1 + ROUNDING) * wanted:
+    elif alone and (refined_mse is None or refined_mse <= wanted):
         why = "rounding to the file's steps has cost the rest"
     else:
         why = "more control points no longer help"

@@ -47,11 +47,16 @@ OnProgress = Callable[[Progress], None]
 
 
 class Teller:
-    """Progress reports whose fraction never falls; counts the iterations in which each region grew."""
+    """Progress reports whose fraction never falls.
+
+    iterations  of the run that goes on: in how many of them each region grew
+    mse         the error that the last of them has come to, None before the first
+    """
 
     def __init__(self, on_progress: OnProgress | None) -> None:
         self.regions = 0
         self.iterations: Counter[int] = Counter()
+        self.mse: float | None = None
         self._on_progress = on_progress
         self._fraction = 0.0
         self._target_mse = 0.0
@@ -67,7 +72,7 @@ class Teller:
     def run(self, target_mse: float, exchanges: bool, last: bool) -> None:
         """A run of refinement begins, with exchanges of points or without. While none is known to be the
         last, each gets half of what is left."""
-        self.iterations = Counter()
+        self.iterations, self.mse = Counter(), None
         self._target_mse, self._first_mse = target_mse, None
         self._exchanges, self._growth = None, GROWTH if exchanges else 1.0
         self._before = max(self._fraction, BEFORE_RUNS)
@@ -76,6 +81,7 @@ class Teller:
     def iteration(self, made: Iteration) -> None:
         """A round has ended. Growth has come as far as the logarithm of the error says."""
         self.iterations.update(made.grown)
+        self.mse = made.mse
         if made.left is None:
             first = self._first_mse = self._first_mse or max(made.mse, self._target_mse * 1.001)
             gone = log(first / max(made.mse, self._target_mse)) / log(first / self._target_mse)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gcvec.kernels import kernel
 from gcvec.patches.segment_table import NO_SEGMENT, segment_between, segment_table
+from gcvec.patches.ties import settle_ties
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,10 +41,12 @@ def patch_triangulation(vertices: Floats, segments: Ints, sides: Ints, height: i
     those who walk along it with y downwards; negative where there is none. Triangles come row by row, so that
     what is near in the picture is near in memory.
     """
-    corners, neighbors = _arrays(_triangulation(vertices, segments))
+    numbers, neighbors = _arrays(_triangulation(vertices, segments))
+    corners = numbers.astype(np.int64) - AROUND
     table = segment_table(segments, int(segments.max()) + 1)
     patch = np.full(len(corners), NO_PATCH)
     _spread(corners, neighbors, table, np.ascontiguousarray(sides), patch)
+    settle_ties(corners, neighbors, patch, vertices, table)
     found: tuple[Ints, Ints] = _by_rows(corners, patch, vertices, height)
     return found
 
@@ -71,7 +74,7 @@ def _spread(corners, neighbors, table, sides, patch):
     stack, top = np.empty(n, np.int64), 0
     for t in range(n):
         for k in range(3):
-            a, b = np.int64(corners[t, k]) - AROUND, np.int64(corners[t, (k + 1) % 3]) - AROUND
+            a, b = corners[t, k], corners[t, (k + 1) % 3]
             segment = segment_between(table, a, b)
             if segment == NO_SEGMENT:
                 continue
@@ -97,11 +100,11 @@ def _by_rows(corners, patch, vertices, height):
     rows = 3 * height
     row, start = np.full(len(corners), -1, np.int64), np.zeros(rows + 2, np.int64)
     for t in range(len(corners)):
-        if patch[t] < 0 or min(corners[t, 0], corners[t, 1], corners[t, 2]) < AROUND:
+        if patch[t] < 0 or min(corners[t, 0], corners[t, 1], corners[t, 2]) < 0:
             continue
         total = 0.0
         for k in range(3):
-            total += vertices[np.int64(corners[t, k]) - AROUND, 1]
+            total += vertices[corners[t, k], 1]
         row[t] = min(max(int(total), 0), rows)
         start[row[t] + 1] += 1
     for r in range(rows + 1):
@@ -115,5 +118,5 @@ def _by_rows(corners, patch, vertices, height):
         start[row[t]] += 1
         sorted_patch[at] = patch[t]
         for k in range(3):
-            sorted_corners[at, k] = np.int64(corners[t, k]) - AROUND
+            sorted_corners[at, k] = corners[t, k]
     return sorted_corners, sorted_patch
