@@ -79,13 +79,14 @@ def refine_batch(
     def settled() -> Draft:
         state.settle()
         with clock.stage("encode"):
-            cost = rounding.cost(terms.steps, state.energy_a_pixel)
-            image = image_of(state.canvas, state.points, state.colors, scene, terms.steps)
+            planned = rounding.steps
+            cost = rounding.cost(planned, state.energy_a_pixel)
+            image = image_of(state.canvas, state.points, state.colors, scene, planned)
 
             def mse_in(steps: Quantization) -> float:
                 return state.mse_as_drawn(np.concatenate(rounded_colors(image.in_steps(steps))))
 
-            steps = landing_steps(mse_in, terms.steps, state.mse, cost, target_mse + state.lack)
+            steps = landing_steps(mse_in, planned, state.mse, cost, target_mse + state.lack)
             found = drafted(image.in_steps(steps), scene)
         rounding.learn(found.steps, state.energy_a_pixel, state.mse, found.mse, state.lack)
         return found
@@ -104,6 +105,9 @@ def refine_batch(
             for n, share in enumerate(shares, start=1):
                 state.left = len(shares) - n
                 more = state.exchange(share)
+                # Later ones find fewer points of little use; where points are lacking, they are not cheap.
+                if n == 1 < len(shares) and not state.lack:
+                    rounding.weigh(state.rise, state.energy_a_pixel)
     state.left = 0
     draft = settled()
     if effort.exchanges and state.spare > LEAST_SPARE:

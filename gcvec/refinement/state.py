@@ -100,6 +100,8 @@ class Refinement:
     canvas  the mesh with these points
     left    how many rounds are planned after this one, None while nobody knows
     bias    the error that greedy placement expected of the last round over what it was
+    rise    by what share the error rises for each share of the points that is taken out, as the last round
+            that did so has found; 0 before the first
     lack    how much of the error there is because regions may have no more points: what the others cannot
             make up for, however many points are spent there
     fit     equation (7) on the canvas
@@ -137,7 +139,7 @@ class Refinement:
         self._strength = float(np.clip(terms.target_mse, *PULLING_TARGETS))
         self._aim = aim
         self.left: int | None = None
-        self.bias, self.lack = 1.0, start.lack
+        self.bias, self.rise, self.lack = 1.0, 0.0, start.lack
         self._max_points = terms.max_points
         self._on_iteration = on_iteration
         self._clock = clock
@@ -253,7 +255,10 @@ class Refinement:
         new `(n,)`, the squared error expected of them, and whether more would help."""
         most = int(growth * len(self.points) + FIRST_POINTS * len(self.truth)) + 4
         placement = self._begun_placement()
+        before = placement.error
         placement.thin_out(share)
+        if share:
+            self.rise = (placement.error / max(before, 1e-12) - 1) / share
         more = placement.grow(goal, most)
         points, colors, new = placement.result()
         self._have(points, colors)

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from gcvec.quantization import Quantization
-from gcvec.refinement.rounding import CAREFUL, LEAST_AIM, LEAST_LESSON, LOSS, MORE_CAREFUL, Rounding
+from gcvec.refinement.rounding import (
+    CAREFUL,
+    COARSEST,
+    LEAST_AIM,
+    LEAST_LESSON,
+    LOSS,
+    MORE_CAREFUL,
+    SHARE,
+    Rounding,
+)
 
 STEPS = Quantization()
 TARGET = 5.0
@@ -90,3 +99,38 @@ def test_what_no_point_can_save_counts_neither_before_nor_after() -> None:
     kept = fresh()
     kept.learn(STEPS, 0.0, 4.0, TARGET + 2, 2.0)
     assert kept.aim(0.0) == pytest.approx(CAREFUL * (TARGET - 1 / 12))
+
+
+ENERGY = 0.44
+"""What colours give to a pixel of a photo."""
+
+
+def weighed(rise: float) -> Rounding:
+    rounding = fresh()
+    rounding.weigh(rise, ENERGY)
+    return rounding
+
+
+@pytest.mark.parametrize("rise", [-0.5, 0.0, 0.3])
+def test_where_points_are_dear_steps_stay_as_planned(rise: float) -> None:
+    assert weighed(rise).steps == STEPS
+
+
+def test_where_points_are_cheap_steps_are_those_of_the_fewest_bytes() -> None:
+    """By going through all steps: errors fall with a power of the points, and bytes a point with one of the
+    steps."""
+    rise = 1.2
+    steps = [STEPS.scaled(factor) for factor in np.linspace(0.8, 1.6, 81)]
+
+    def total(step: Quantization) -> float:
+        points = (TARGET - fresh().cost(step, ENERGY)) ** (-1 / rise)
+        return float(points * step.point_step ** (-2 * SHARE))
+
+    best = min(steps, key=total)
+    assert STEPS.point_step < best.point_step < COARSEST * STEPS.point_step
+    assert weighed(rise).steps.point_step == pytest.approx(best.point_step, rel=0.07)
+    assert weighed(rise).aim(ENERGY) < fresh().aim(ENERGY)
+
+
+def test_steps_grow_no_further_than_points_can_follow() -> None:
+    assert weighed(50.0).steps == STEPS.scaled(COARSEST)
