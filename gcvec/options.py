@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Literal
+from typing import Any, Literal
 
 from gcvec.error_scale import PEAK_SQUARE
 from gcvec.errors import InputError
@@ -64,3 +65,19 @@ class Options:
     def _refused(self, name: str, wanted: str) -> InputError:
         value = getattr(self, name)
         return InputError(f"{name} must {wanted}, not {value!r}", code="bad-option", pointer=name)
+
+
+def without_effect(
+    options: Mapping[str, Any], annotated: bool, spelled: Callable[[str], str] = str
+) -> dict[str, str]:
+    """The options that have no effect beside the rest, each with a line that says so and why.
+
+    `annotated` tells whether annotations come with the picture, `spelled` how a line writes an option's name.
+    """
+    reasons = (
+        ("regions", annotated, "the annotations say what the regions are"),
+        ("snap", not annotated, "there are no annotations"),
+        ("target_mse", options["target_bytes"] > 0, f"{spelled('target_bytes')} decides"),
+        ("effort", options["strategy"] == "paper", "it is for the strategy batch"),
+    )
+    return {name: f"{spelled(name)} has no effect: {why}" for name, is_ignored, why in reasons if is_ignored}

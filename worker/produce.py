@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Final
 
 from gcvec import Options, vectorize
@@ -15,6 +15,7 @@ from gcvec.export.png import png
 from gcvec.hex_color import rgb_from_hex
 from gcvec.io import Picture, read_annotations, read_picture
 from gcvec.metrics import Report, compare
+from gcvec.options import without_effect
 from gcvec.parts.crew import Crew
 from gcvec.progress import OnProgress
 from worker.settings import Settings, limits
@@ -55,8 +56,7 @@ def produce(
         result = vectorize(picture.pixels, regions, options, on_progress, crew if large else None)
     encoded = result.to_bytes()
     report = result.report or compare(picture.pixels, result, len(encoded))
-    unused = [_UNUSED_NAME] if annotations is None and names["image_name"] is not None else []
-    warnings = (*unused, *picture.warnings, *result.warnings)
+    warnings = (*_ignored(request, options, annotations is not None), *picture.warnings, *result.warnings)
     artifacts = {
         "gcv": encoded,
         "result": json.dumps({**result.description(), "warnings": warnings}).encode(),
@@ -66,6 +66,14 @@ def produce(
         "patches": png(patch_overlay(result)),
     }
     return Product(artifacts, warnings, _totals(report))
+
+
+def _ignored(request: Mapping[str, Any], options: Options, annotated: bool) -> list[str]:
+    """What was asked for and has no effect, one line each; an option's default is not told from none."""
+    unused = [_UNUSED_NAME] if not annotated and request["image_name"] is not None else []
+    wanted = asdict(options)
+    ignored = without_effect(wanted, annotated)
+    return unused + [line for name, line in ignored.items() if wanted[name] != getattr(Options, name)]
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from gcvec.options import MOST_EFFORT, Options
+from gcvec.options import MOST_EFFORT, Options, without_effect
 
 Function = Callable[..., Any]
 
@@ -135,14 +135,5 @@ def vectorization_options(command: Function) -> Function:
 def ignored_options(options: Mapping[str, Any], annotations: Path | None) -> list[str]:
     """The vectorization options that were asked for and have no effect beside the rest, one line each."""
     source_of = click.get_current_context().get_parameter_source
-    reasons = (
-        ("regions", annotations is not None, "the annotations say what the regions are"),
-        ("snap", annotations is None, "there are no annotations"),
-        ("target_mse", options["target_bytes"] > 0, "--target-bytes decides"),
-        ("effort", options["strategy"] == "paper", "it is for the strategy batch"),
-    )
-    return [
-        f"--{name.replace('_', '-')} has no effect: {why}"
-        for name, is_ignored, why in reasons
-        if is_ignored and source_of(name) is ParameterSource.COMMANDLINE
-    ]
+    ignored = without_effect(options, annotations is not None, lambda name: f"--{name.replace('_', '-')}")
+    return [line for name, line in ignored.items() if source_of(name) is ParameterSource.COMMANDLINE]

@@ -23,6 +23,7 @@ from gcvec.cli._options import (
 )
 from gcvec.cli._progress import progress_bar
 from gcvec.errors import FailureError, InputError
+from gcvec.options import without_effect
 from service.client import Client, problem_error
 from worker.artifacts import EXPORTS, KINDS
 
@@ -119,6 +120,7 @@ def submit(
                 job = client.follow(job, on_progress)
             if job["status"] != "succeeded":
                 raise problem_error(job["error"] or {"status": 500, "detail": f"the job was {job['status']}"})
-            warn(image, job["warnings"])
+            told = without_effect(options, annotations is not None).values()
+            warn(image, (warning for warning in job["warnings"] if warning not in told))
             for name, path in files.items():
                 write(path, client.download(job["links"][name]))

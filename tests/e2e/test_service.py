@@ -161,9 +161,11 @@ def test_the_command_line_client_fetches_everything(
 ) -> None:
     (tmp_path / "photo.png").write_bytes(photo)
     (tmp_path / "photo.xml").write_text(CVAT)
-    done = gcvec_submit(running_service, tmp_path, "photo.png", "-a", "photo.xml", "--target-mse", "50")
+    options = ("--target-mse", "50", "--regions", "7")
+    done = gcvec_submit(running_service, tmp_path, "photo.png", "-a", "photo.xml", *options)
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
     assert "outside" in done.stderr
+    assert done.stderr.count("regions has no effect") == 1  # the service says so too
     assert {file.name for file in (tmp_path / "out").iterdir()} == {
         kind.filename for kind in (KINDS | EXPORTS).values()
     }
