@@ -20,12 +20,12 @@ Name = Annotated[str, StringConstraints(max_length=1024)]
 Color = Annotated[str, StringConstraints(pattern=f"^{HEX_COLOR}$")]
 
 
-def _whole(number: object) -> object:
+def whole(number: object) -> object:
     """JSON knows no difference between 5 and 5.0."""
     return int(number) if isinstance(number, float) and number.is_integer() else number
 
 
-Count = Annotated[int, BeforeValidator(_whole)]
+Count = Annotated[int, BeforeValidator(whole)]
 
 
 class JobOptions(BaseModel):

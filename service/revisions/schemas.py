@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from service.artifacts.description import LARGEST_NUMBER
-from service.jobs.schemas import Color, job_path
+from service.jobs.schemas import Color, job_path, whole
 from worker.artifacts import EXPORTS, KINDS, REVISED
 
 _MOST_CHANGES: Final = 10_000
 
-Index = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
+Index = Annotated[int, Field(ge=0, le=LARGEST_NUMBER), BeforeValidator(whole)]
 Shift = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, description="pixels")]
 
 

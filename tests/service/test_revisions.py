@@ -22,6 +22,7 @@ MOVE = {"curve": 0, "index": 1, "dx": 1.5, "dy": 0}
         ({"moves": [{**MOVE, "curve": -1}]}, "/body/moves/0/curve"),
         ({"moves": [{**MOVE, "curve": True}]}, "/body/moves/0/curve"),
         ({"moves": [{**MOVE, "index": "1"}]}, "/body/moves/0/index"),
+        ({"moves": [{**MOVE, "index": 1.5}]}, "/body/moves/0/index"),
         ({"moves": [{**MOVE, "dx": 1e6}]}, "/body/moves/0/dx"),
         ({"recolors": [{"patch": 0, "color": "red"}]}, "/body/recolors/0/color"),
         ({"recolors": [{"patch": 0, "color": "204060"}, {"patch": 0}]}, "/body/recolors/1/color"),
@@ -88,6 +89,27 @@ def test_a_derived_file_is_served_from_the_store(api: httpx.Client, jobs: Jobs) 
     answer = api.get(f"/v1/jobs/{job_id}/preview.png?scale=2.5")
     assert (answer.status_code, answer.content) == (200, b"drawn before")
     assert answer.headers["content-type"] == "image/png"
+
+
+def test_a_whole_number_may_be_written_with_a_fraction(
+    api: httpx.Client, jobs: Jobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To JSON, and so to the interface description, 1.0 is an integer."""
+    asked: list[Any] = []
+
+    async def ask_alone(_: Questions, task: str, args: Any, *more: Any) -> Answer:
+        asked.append(args[2])
+        return Answer(1)
+
+    monkeypatch.setattr(Questions, "ask_alone", ask_alone)
+    edits = {
+        "moves": [{**MOVE, "index": 1.0}],
+        "recolors": [{"patch": 2.0, "color": "#204060"}],
+        "revision": 0.0,
+    }
+    answer = api.post(f"/v1/jobs/{jobs.finished()}/edits", json=edits)
+    assert answer.status_code == 200, answer.text
+    assert asked == [{"moves": [MOVE], "recolors": [{"patch": 2, "color": "#204060"}]}]
 
 
 def test_an_edit_that_is_asked_for_again_is_the_same_to_workers(
