@@ -65,7 +65,7 @@ export class GcvecView {
     const { top, right, bottom, left } = this.padding;
     const freeWidth = Math.max(this.canvas.clientWidth - left - right, 1);
     const freeHeight = Math.max(this.canvas.clientHeight - top - bottom, 1);
-    this.scale = Math.min(freeWidth / width, freeHeight / height);
+    this.scale = Math.min(freeWidth / width, freeHeight / height, LARGEST_SCALE);
     this.x = (width - freeWidth / this.scale) / 2 - left / this.scale;
     this.y = (height - freeHeight / this.scale) / 2 - top / this.scale;
     this._changed();

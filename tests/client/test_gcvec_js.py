@@ -143,6 +143,18 @@ def test_mouse_and_keys(browser: Browser, site: str) -> None:
         assert page.errors == []
 
 
+def test_the_smallest_of_pictures_can_be_zoomed_into_no_further_than_others(
+    browser: Browser, site: str
+) -> None:
+    with browser.page(1000, 800) as page:
+        open_page(page, site, "webgl")
+        page.evaluate("view.result.image = { width: 1, height: 1 }, view.fit()")
+        fitted = state(page)
+        assert fitted[0] + 500 / fitted[2] == pytest.approx(0.5)
+        page.evaluate("view.zoom(1.5)")
+        assert state(page) == pytest.approx(fitted)
+
+
 def test_pinch(browser: Browser, site: str) -> None:
     with browser.page(WIDTH, HEIGHT, touch=True) as page:
         open_page(page, site, "webgl")
