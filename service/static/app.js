@@ -34,7 +34,11 @@ async function submit(event) {
 function busy(yes) {
   element("submit").disabled = yes;
   element("submit").textContent = yes ? "Uploading…" : "Vectorize";
-  if (yes) element("error").hidden = true;
+  if (yes) hideError();
+}
+
+function hideError() {
+  element("error").hidden = true;
 }
 
 function showChoice() {
@@ -61,6 +65,7 @@ function acceptDrops() {
     event.preventDefault();
     if (!event.dataTransfer.files.length) return;
     element("image").files = event.dataTransfer.files;
+    hideError();
     showChoice();
   });
 }
@@ -109,6 +114,7 @@ function jobItem(job) {
 }
 
 element("form").addEventListener("submit", submit);
+element("form").addEventListener("change", hideError); // it told of what was chosen before
 element("form").addEventListener("invalid", ({ target }) => {
   if (target.closest("details")) target.closest("details").open = true; // a browser can only show what is there
 }, true);

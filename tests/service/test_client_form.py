@@ -76,3 +76,23 @@ def test_a_photo_is_found_among_several(
         job = jobs.records.get(page.evaluate("location.pathname").split("/")[3])
     assert job is not None
     assert job.request["image_name"] == "c.png"
+
+
+def test_an_error_goes_when_something_else_is_chosen(
+    browser: Browser, api: httpx.Client, tmp_path: Path
+) -> None:
+    error = "document.getElementById('error')"
+    drop = """(() => {
+        const dataTransfer = new DataTransfer();
+        dataTransfer.items.add(new File(["no picture"], "c.png"));
+        document.getElementById("drop").dispatchEvent(new DragEvent("drop", { dataTransfer }));
+    })()"""
+    (tmp_path / "notes.png").write_text("no picture")
+    with browser.page(900, 700) as page:
+        open_form(page, api, tmp_path)
+        for choose in (lambda: page.choose_file("#image", tmp_path / "a.png"), lambda: page.evaluate(drop)):
+            page.choose_file("#image", tmp_path / "notes.png")
+            page.evaluate("document.getElementById('submit').click()")
+            page.wait_for(f"!{error}.hidden")
+            choose()
+            page.wait_for(f"{error}.hidden", 5)
