@@ -188,7 +188,7 @@ function showDownloads(job) {
     link.append(Object.assign(document.createElement("small"), { textContent: hint }));
     link.onclick = (event) => {
       event.preventDefault();
-      if (link.ariaBusy !== "true") download(link, title);
+      if (link.ariaBusy !== "true") download(link, title, hint);
     };
     const item = document.createElement("li");
     item.append(link);
@@ -197,7 +197,9 @@ function showDownloads(job) {
 }
 
 /** A link by itself cannot send the key, nor ask again for a file that is being made. */
-async function download(link, title) {
+async function download(link, title, hint) {
+  const small = link.querySelector("small");
+  small.textContent = hint;
   link.ariaBusy = "true";
   element("summary").textContent = `Making the ${title}…`;
   try {
@@ -210,6 +212,7 @@ async function download(link, title) {
     element("summary").textContent = summary;
   } catch (error) {
     element("summary").textContent = error.message;
+    small.textContent = error.message; // on a phone the bar has no room for it
   }
   link.ariaBusy = "false";
 }

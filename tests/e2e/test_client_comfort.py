@@ -195,3 +195,25 @@ def test_a_download_that_takes_too_long_is_given_up(browser: Browser, job: str) 
         page.evaluate("document.querySelector('#downloads a[href$=\".glb\"]').click()")
         page.evaluate("Date.now = ((real) => () => real() + 120_000)(Date.now); 0")
         page.wait_for("document.getElementById('summary').textContent.includes('Try again later')")
+
+
+@pytest.mark.parametrize("width", [320, 900])
+def test_why_there_is_no_download_is_told_in_full(browser: Browser, job: str, width: int) -> None:
+    detail = "the service has no memory left for this now, nor will it have any soon"
+    refused = f"new Response('{json.dumps({'detail': detail})}', {{ status: 503 }})"
+    with browser.page(width, 640) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        page.evaluate("document.querySelectorAll('details.menu')[1].open = true")
+        link = "document.querySelector('#downloads a[href$=\".svg\"]')"
+        hint = page.evaluate(f"{link}.querySelector('small').textContent")
+        page.evaluate(f"window.real = fetch; fetch = async () => {refused}; {link}.click()")
+        page.wait_for(f"{link}.querySelector('small').textContent === '{detail}'")
+        sheet, told = page.evaluate(
+            f"['.sheet', 'small'].map((name) => {link}.closest(name) ?? {link}.querySelector(name))"
+            ".map((part) => part.getBoundingClientRect().toJSON())"
+        )
+        assert sheet["left"] >= 0
+        assert sheet["left"] < told["left"] < told["right"] < sheet["right"] <= width
+        page.evaluate(f"fetch = real; {link}.click()")
+        assert page.evaluate(f"{link}.querySelector('small').textContent") == hint
