@@ -9,7 +9,7 @@ from typing import Final
 from fastapi import FastAPI, Response
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.cors import CORSMiddleware
-from starlette.middleware.gzip import GZipMiddleware
+from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.errors import answer
@@ -30,6 +30,9 @@ _NO_WEIGHT: Final = re.compile(r"q\s*=\s*0(\.0*)?")
 _DOCS_PATHS: Final = ("/docs", "/redoc")
 _POLICIES: Final = {"text/html": _PAGE, "image/svg+xml": _DRAWING}
 
+_COMPACT: Final = ("application/octet-stream", "application/pdf", "application/vnd.gcvec")
+"""What is compressed as it is, uploaded pictures among it: to do so again costs time and their length."""
+
 _ASKED_WITH: Final = [
     "Authorization",
     "Content-Type",
@@ -45,7 +48,8 @@ _READABLE: Final = ["Location", "Retry-After", "ETag", "Content-Range", "Content
 
 def install(app: FastAPI, settings: Settings) -> None:
     """Compress answers, let pages of `cors_origins` read them, and head off what else browsers could do."""
-    app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=6)
+    compact = (*DEFAULT_EXCLUDED_CONTENT_TYPES, *_COMPACT)
+    app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=6, exclude_content_types=compact)
     app.add_middleware(AcceptedEncodings)
     if settings.cors_origins:
         app.add_middleware(

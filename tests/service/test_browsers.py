@@ -60,6 +60,18 @@ def test_text_is_compressed_pictures_and_parts_are_not(api: httpx.Client, jobs: 
         assert not whole.headers["etag"].startswith("W/")
 
 
+def test_what_is_compact_by_itself_keeps_its_length(api: httpx.Client, jobs: Jobs) -> None:
+    """So a download of it can tell how far it is, and be resumed."""
+    job_id = jobs.finished(b"0" * 2000)
+    storage.write_derived(jobs.store, job_id, 0, "result.pdf", b"1" * 2000)
+    for name in ("result.gcv", "result.pdf", "image"):
+        answer = api.get(f"/v1/jobs/{job_id}/{name}", headers={"Accept-Encoding": "gzip"})
+        assert answer.status_code == 200
+        assert int(answer.headers["content-length"]) == len(answer.content)
+        assert "content-encoding" not in answer.headers
+        assert not answer.headers["etag"].startswith("W/")
+
+
 @pytest.mark.parametrize(
     ("accepted", "compressed"),
     [
