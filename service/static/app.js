@@ -5,6 +5,7 @@ import { awaitJson, callBlob, callJson, forgetKey, hasKey } from "./session.js";
 const element = (id) => document.getElementById(id);
 const NUMBERS = ["target_mse", "max_points", "regions", "snap"];
 const TEXTS = ["strategy", "image_name"];
+const UNSENT = "Not sent: the service does not answer, or a file has changed since it was chosen.";
 
 function options() {
   const chosen = {};
@@ -25,7 +26,7 @@ async function submit(event) {
     const job = await callJson("/v1/jobs", { method: "POST", body });
     location.assign(`${job.links.self}/view`);
   } catch (error) {
-    element("error").textContent = error.message;
+    element("error").textContent = error instanceof TypeError ? UNSENT : error.message; // browsers say no more
     element("error").hidden = false;
     busy(false);
   }

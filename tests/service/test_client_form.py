@@ -96,3 +96,12 @@ def test_an_error_goes_when_something_else_is_chosen(
             page.wait_for(f"!{error}.hidden")
             choose()
             page.wait_for(f"{error}.hidden", 5)
+
+
+def test_a_file_that_has_gone_is_told_of(browser: Browser, api: httpx.Client, tmp_path: Path) -> None:
+    with browser.page(900, 700) as page:
+        open_form(page, api, tmp_path)
+        (tmp_path / "a.png").unlink()
+        page.evaluate("document.getElementById('submit').click()")
+        page.wait_for("document.getElementById('error').textContent.includes('a file has changed')")
+        assert not page.evaluate("document.getElementById('submit').disabled")
