@@ -265,7 +265,10 @@ async function connectOriginal(view, url) {
   const photo = await awaitBlob(url)
     .then((blob) => createImageBitmap(blob, { imageOrientation: "from-image" }))
     .catch(() => null);
-  if (!photo) return;
+  if (!photo) {
+    toggle.title = "This browser cannot show the photo";
+    return;
+  }
   view.setOriginal(photo);
   toggle.disabled = false;
   const split = element("split");

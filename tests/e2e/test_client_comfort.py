@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from io import BytesIO
 from pathlib import Path
 
 import httpx
 import pytest
+from PIL import Image
 
 from tests.browser import Browser, failing
 from tests.running_service import RunningService
@@ -42,9 +44,14 @@ FAINT = """(() => {
 @pytest.fixture(scope="module")
 def job(running_service: RunningService) -> str:
     """The address of a job that has succeeded, with a warning."""
-    form = {"options": json.dumps({"image_name": "in no file of regions"})}
-    answer = httpx.post(f"{running_service.url}/v1/jobs", files={"image": ("a.png", png())}, data=form)
-    address = running_service.url + answer.headers["location"]
+    return finished(running_service, png(), image_name="in no file of regions")
+
+
+def finished(service: RunningService, photo: bytes, **options: object) -> str:
+    """The address of a job that has succeeded."""
+    form = {"options": json.dumps(options)}
+    answer = httpx.post(f"{service.url}/v1/jobs", files={"image": ("a.png", photo)}, data=form)
+    address = service.url + answer.headers["location"]
     while (ended := httpx.get(f"{address}?wait=30", timeout=40).json())["status"] in ("queued", "running"):
         pass
     assert ended["status"] == "succeeded", ended
@@ -121,6 +128,20 @@ def test_a_photo_that_does_not_come_at_once_hides_no_patches(browser: Browser, j
         page.wait_for("!document.getElementById('compare-toggle').disabled")
         assert page.evaluate("away") == 0
         assert page.evaluate("document.getElementById('problem').hidden")
+
+
+def test_a_photo_that_browsers_cannot_show_is_told_of(
+    browser: Browser, running_service: RunningService
+) -> None:
+    tiff = BytesIO()
+    Image.open(BytesIO(png())).save(tiff, "TIFF")
+    job = finished(running_service, tiff.getvalue())
+    with browser.page(900, 700) as page:
+        page.open(f"{job}/view")
+        page.wait_for("window.gcvec")
+        toggle = "document.getElementById('compare-toggle')"
+        page.wait_for(f"{toggle}.title === 'This browser cannot show the photo'")
+        assert page.evaluate(f"{toggle}.disabled")
 
 
 def test_a_result_that_breaks_off_is_asked_for_again(browser: Browser, job: str) -> None:
