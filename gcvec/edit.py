@@ -78,13 +78,13 @@ def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Reco
 
 def mean_color(image: VectorImage, patch: int) -> Floats:
     """Mean sRGB colour `(3,)` in [0, 1] of a patch, over its area."""
-    weights, colors = _mean_weights(image, _checked_patch(image, patch))
-    return np.asarray(weights @ colors)
+    weights, own = _mean_weights(image, _checked_patch(image, patch))
+    return np.asarray(weights @ image.colors[own])
 
 
-def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Floats]:
-    """How much each colour, `(b + k,)`, counts in the mean of a patch, and the colours `(b + k, 3)`: those
-    along all curves, then those of its k control points."""
+def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Ints]:
+    """How much each colour, `(b + k,)`, counts in the mean of a patch, and which of the picture's they are:
+    those along all curves, then those of its k control points."""
     canvas, own_points = _patch_canvas(image.canvas, patch)
     drawing = canvas.drawing(flatness=np.inf)
     operator, corner_color = canvas.operator(drawing)
@@ -93,7 +93,7 @@ def _mean_weights(image: VectorImage, patch: int) -> tuple[Floats, Floats]:
     of_corner = np.bincount(corner_color.ravel(), np.repeat(area / (3 * area.sum()), 3), operator.shape[0])
     n_boundary = len(image.boundary_colors)
     own = np.concatenate([np.arange(n_boundary), n_boundary + own_points])
-    return np.asarray(operator.T @ of_corner), image.colors[own]
+    return np.asarray(operator.T @ of_corner), own
 
 
 def _moved(image: VectorImage, moves: Sequence[Move]) -> VectorImage:
@@ -177,7 +177,8 @@ def _shift_towards(original: VectorImage, recolor: Recolor) -> Ints:
     target = np.array(recolor.color, np.float64)
     if target.shape != (3,) or not ((target >= 0) & (target <= 1)).all():
         raise InputError(f"patch {recolor.patch} cannot have colour {recolor.color}", code="bad-color")
-    weights, colors = _mean_weights(original, recolor.patch)
+    weights, own = _mean_weights(original, recolor.patch)
+    colors = np.concatenate([original.boundary_colors, original.point_colors])[own]  # as they are shifted
     return np.array([_shift_to_mean(colors[:, k], weights, target[k]) for k in range(3)])
 
 

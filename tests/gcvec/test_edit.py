@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -252,6 +253,15 @@ def test_a_patch_has_the_mean_color_it_is_given(color: tuple[float, float, float
     np.testing.assert_allclose(mean_color(edited, 1), color, atol=0.51 / FULL_SHIFT)
     drawn = edited.render()[area_of(image, {1}) & ~area_of(image, {0})] / 255
     np.testing.assert_allclose(drawn.mean(axis=0), color, atol=0.02)
+
+
+def test_colors_that_rounding_took_out_of_gamut_leave_the_mean_color_as_it_is_given() -> None:
+    """What is shifted are the colours of the file, which may lie further out than they are drawn."""
+    image = spheres()
+    image = replace(image, boundary_colors=image.boundary_colors - 0.4, point_colors=image.point_colors - 0.1)
+    assert image.boundary_colors.min() < -0.1
+    edited = edit(image, recolors=[Recolor(1, (0.6, 0.5, 0.4))])
+    np.testing.assert_allclose(mean_color(edited, 1), (0.6, 0.5, 0.4), atol=0.51 / FULL_SHIFT)
 
 
 def test_a_patch_without_an_area_has_a_mean_color() -> None:
