@@ -36,7 +36,11 @@ MSE_RANGE = 0.2, 20_000.0
 all of a picture leaves, which is 127.5² at most."""
 
 MOST_RUNS = 7
-"""A bound on the time: after so many the best file that fits is taken."""
+"""A bound on the time: after so many the best file that fits is taken, unless it is poor."""
+
+POOR = 0.5
+"""The search goes on for as many runs again where others were too large and what fits takes less than this
+share of the bytes allowed: for noise the first error to try is far off."""
 
 BETTER = 0.995
 """A larger file whose error is above this share of the last one's is no better: more bytes buy nothing."""
@@ -76,16 +80,23 @@ def refine_to_bytes(refine: Callable[[float], Result], target_bytes: int, first_
     """
     best: Result | None = None
     mse, runs = _in_range(first_mse), list[_Run]()
-    while len(runs) < MOST_RUNS and mse not in [run.mse for run in runs]:
+    while mse not in [run.mse for run in runs]:
         found = refine(mse)
         size = len(found.data)
         runs.append(_Run(mse, size))
         if size <= target_bytes:
             no_better = best is not None and size > len(best.data) and found.mse > BETTER * best.mse
             best = found if best is None or found.mse < best.mse else best
-            if no_better or size >= CLOSE * target_bytes:
+            if (no_better and len(runs) <= MOST_RUNS) or size >= CLOSE * target_bytes:
                 break
+        too_large = [run.mse for run in runs if run.size > target_bytes]
+        poor = bool(too_large) and best is not None and len(best.data) < POOR * target_bytes
+        if len(runs) >= (2 * MOST_RUNS if poor else MOST_RUNS):
+            break
         mse = _in_range(_next(runs, target_bytes))
+        stuck = len(runs) >= MOST_RUNS or mse in [run.mse for run in runs]
+        if poor and stuck:  # sizes say little: they may be all but the same over a wide range of errors
+            mse = float(np.sqrt(max(too_large) * min(run.mse for run in runs if run.size <= target_bytes)))
     coarsest = MSE_RANGE[1]
     if best is None and coarsest not in [run.mse for run in runs]:
         found = refine(coarsest)

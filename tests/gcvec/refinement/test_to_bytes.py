@@ -10,7 +10,7 @@ from skimage import data
 
 from gcvec import InputError, Options, Progress, vectorize
 from gcvec.progress import EXCHANGED
-from gcvec.refinement.to_bytes import CLOSE, MOST_RUNS, MSE_RANGE, likely_mse, refine_to_bytes
+from gcvec.refinement.to_bytes import CLOSE, MOST_RUNS, MSE_RANGE, POOR, likely_mse, refine_to_bytes
 
 
 class File(NamedTuple):
@@ -80,6 +80,22 @@ def test_the_coarsest_version_is_tried_before_giving_up() -> None:
     data, mse = refine_to_bytes(refine, 4_999, 10.0)
     assert (len(data), mse) == (400, MSE_RANGE[1])
     assert len(runs) <= MOST_RUNS + 1
+
+
+@pytest.mark.parametrize("target", [1_500, 2_500, 4_000, 8_000])
+@pytest.mark.parametrize("plateau", [30_000, 20_000])
+def test_a_leap_far_from_the_first_error_is_come_to(target: int, plateau: int) -> None:
+    """As with noise: errors up to 1000 take about as many bytes, and one above 5500 next to none."""
+    runs: list[float] = []
+
+    def refine(mse: float) -> File:
+        runs.append(mse)
+        share = np.clip(np.log(mse / 1000) / np.log(5.5), 0, 1)
+        return File(bytes(88 + int((plateau + len(runs) % 3) * (1 - share))), min(mse, 5500))
+
+    data, _ = refine_to_bytes(refine, target, 10.0)
+    assert POOR * target <= len(data) <= target
+    assert len(runs) <= 2 * MOST_RUNS
 
 
 def test_larger_files_that_are_no_better_are_not_gone_for() -> None:
