@@ -29,7 +29,7 @@ class Options:
     bounds the interior control points of one region, 0 lifts the bound; `workers` is the number of threads, 0
     for one a core; `regions` is the number of automatic regions wanted when there are no annotations, 0 lets
     the picture decide; `snap` is how many pixels the borders of annotated regions may move onto the picture's
-    edges, with 0 they are only made smooth; `effort`, 1 to 9, trades time for fewer control points with the
+    edges, with 0 they are only made smooth; `effort`, 1 to 9, trades time for a smaller file with the
     strategy "batch"; `target_bytes`, if not 0, is the size that the file must not exceed: the error is then
     as small as that allows, whatever `target_mse` says.
     """

@@ -92,7 +92,7 @@ _VECTORIZATION = (
         type=int,
         default=Options.effort,
         metavar=f"1..{MOST_EFFORT}",
-        help="Time to spend on fewer control points; batch strategy only.",
+        help="Time to spend on a smaller file; batch strategy only.",
     ),
     click.option(
         "--target-bytes",

@@ -33,7 +33,7 @@ RETRIES = 4
 
 
 class Effort(NamedTuple):
-    """What is done for fewer points.
+    """What is done for a smaller file.
 
     growth     times as many points as there are, at most, that a round of growth adds: in smaller rounds
                they go where the error still is

@@ -35,7 +35,7 @@ class Terms:
     target_mse  the mean squared error of what its file holds (0-255 scale)
     steps       those of the file: colours are rounded to about these
     max_points  bound of the interior control points of one region, 0: none
-    effort      1 to 9, trades time for fewer control points
+    effort      1 to 9, trades time for a smaller file
     """
 
     target_mse: float

@@ -48,9 +48,7 @@ class JobOptions(BaseModel):
     snap: float = Field(
         Options.snap, description="pixels that annotated borders may move onto edges; 0: only made smooth"
     )
-    effort: Count = Field(
-        Options.effort, description=f"1 to {MOST_EFFORT}: time to spend on fewer control points"
-    )
+    effort: Count = Field(Options.effort, description=f"1 to {MOST_EFFORT}: time to spend on a smaller file")
     target_bytes: Count = Field(
         Options.target_bytes,
         description="largest file; the error is as small as it allows; 0: target_mse decides",
