@@ -89,14 +89,14 @@ def refine_to_bytes(refine: Callable[[float], Result], target_bytes: int, first_
             best = found if best is None or found.mse < best.mse else best
             if (no_better and len(runs) <= MOST_RUNS) or size >= CLOSE * target_bytes:
                 break
-        too_large = [run.mse for run in runs if run.size > target_bytes]
+        too_large, fitting = _sides(runs, target_bytes)
         poor = bool(too_large) and best is not None and len(best.data) < POOR * target_bytes
         if len(runs) >= (2 * MOST_RUNS if poor else MOST_RUNS):
             break
         mse = _in_range(_next(runs, target_bytes))
         stuck = len(runs) >= MOST_RUNS or mse in [run.mse for run in runs]
         if poor and stuck:  # sizes say little: they may be all but the same over a wide range of errors
-            mse = float(np.sqrt(max(too_large) * min(run.mse for run in runs if run.size <= target_bytes)))
+            mse = float(np.sqrt(max(run.mse for run in too_large) * min(run.mse for run in fitting)))
     coarsest = MSE_RANGE[1]
     if best is None and coarsest not in [run.mse for run in runs]:
         found = refine(coarsest)
@@ -115,11 +115,16 @@ def _in_range(mse: float) -> float:
     return float(np.clip(mse, *MSE_RANGE))
 
 
+def _sides(runs: list[_Run], target_bytes: int) -> tuple[list[_Run], list[_Run]]:
+    """The runs whose files are too large, and those whose files fit."""
+    too_large = [run for run in runs if run.size > target_bytes]
+    return too_large, [run for run in runs if run.size <= target_bytes]
+
+
 def _next(runs: list[_Run], target_bytes: int) -> float:
     """The error to try after these runs."""
     aim = AIM * target_bytes
-    too_large = [run for run in runs if run.size > target_bytes]
-    fitting = [run for run in runs if run.size <= target_bytes]
+    too_large, fitting = _sides(runs, target_bytes)
     if not too_large or not fitting:
         return _beyond(runs, aim)
     above, below = min(too_large, key=lambda run: run.size), max(fitting, key=lambda run: run.size)

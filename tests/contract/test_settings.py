@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from gcvec.errors import InputError
-from tests import command
 from tests.command import GCVEC, gcvec
+from tests.command import refused as refused_by_command
 from tests.contract.client import post
 from tests.picture_files import encoded
 from tests.problems import refused
@@ -69,7 +69,7 @@ def test_a_wrong_setting_is_named(monkeypatch: pytest.MonkeyPatch, setting: str)
 def test_the_service_names_a_wrong_setting(tmp_path: Path) -> None:
     wrong = {**os.environ, "GCVEC_BROKER_URL": "redis://:secret/@127.0.0.1/0"}
     run = gcvec("serve", "--port", "0", "--data", tmp_path / "data", env=wrong)
-    command.refused(run, "GCVEC_BROKER_URL")
+    refused_by_command(run, "GCVEC_BROKER_URL")
     assert "secret" not in run.stderr
 
 
