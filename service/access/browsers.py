@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from http import HTTPStatus
 from typing import Final
 
 from fastapi import FastAPI, Response
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.cors import CORSMiddleware
-from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service import compression
 from service.errors import answer
 from worker.problems import problem
 from worker.settings import Settings
@@ -26,12 +25,8 @@ _DOCS: Final = (
     "default-src 'self'; script-src 'unsafe-inline' https://cdn.jsdelivr.net; img-src 'self' data: https:; "
     "style-src 'unsafe-inline' https://cdn.jsdelivr.net; frame-ancestors 'none'"
 )
-_NO_WEIGHT: Final = re.compile(r"q\s*=\s*0(\.0*)?")
 _DOCS_PATHS: Final = ("/docs", "/redoc")
 _POLICIES: Final = {"text/html": _PAGE, "image/svg+xml": _DRAWING}
-
-_COMPACT: Final = ("application/octet-stream", "application/pdf", "application/vnd.gcvec")
-"""What is compressed as it is, uploaded pictures among it: to do so again costs time and their length."""
 
 _ASKED_WITH: Final = [
     "Authorization",
@@ -48,9 +43,7 @@ _READABLE: Final = ["Location", "Retry-After", "ETag", "Content-Range", "Content
 
 def install(app: FastAPI, settings: Settings) -> None:
     """Compress answers, let pages of `cors_origins` read them, and head off what else browsers could do."""
-    compact = (*DEFAULT_EXCLUDED_CONTENT_TYPES, *_COMPACT)
-    app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=6, exclude_content_types=compact)
-    app.add_middleware(AcceptedEncodings)
+    compression.install(app)
     if settings.cors_origins:
         app.add_middleware(
             OtherOrigins,
@@ -74,30 +67,6 @@ class OtherOrigins(CORSMiddleware):
         return answer(
             problem("forbidden", f"not allowed to pages of other origins: {refused}"), {"Vary": "Origin"}
         )
-
-
-class AcceptedEncodings:
-    """Tells the compression, which reads no weights, only of a gzip that is wanted: `gzip;q=0` is none."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http":
-            stated = ",".join(Headers(scope=scope).getlist("accept-encoding"))
-            others = [field for field in scope["headers"] if field[0] != b"accept-encoding"]
-            accepted = b"gzip" if _accepts_gzip(stated) else b"identity"
-            scope = {**scope, "headers": [*others, (b"accept-encoding", accepted)]}
-        await self._app(scope, receive, send)
-
-
-def _accepts_gzip(stated: str) -> bool:
-    """Whether a list of encodings has gzip, or all, with a weight above zero (RFC 9110, 12.5.3)."""
-    weights: dict[str, bool] = {}
-    for entry in stated.lower().split(","):
-        coding, *parameters = (part.strip() for part in entry.split(";"))
-        weights[coding] = not any(_NO_WEIGHT.fullmatch(parameter) for parameter in parameters)
-    return weights.get("gzip", weights.get("x-gzip", weights.get("*", False)))
 
 
 class SafeHeaders:

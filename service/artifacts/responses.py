@@ -10,6 +10,7 @@ from fastapi import Request, Response
 from fastapi.responses import RedirectResponse, StreamingResponse
 from obstore.store import ObjectStore
 
+from service.compression import LEAST_SIZE, is_compressible, wants_gzip
 from service.errors import ProblemError
 from worker import storage
 from worker.storage import StoredFile
@@ -38,7 +39,7 @@ async def file_response(
         **headers,
     }
     if _lists(request.headers.get("if-none-match"), etag):
-        return Response(status_code=304, headers=common)
+        return Response(status_code=304, headers={**common, **_varied(request, etag, media_type, file.size)})
     if (
         redirect_seconds
         and not _by_script(request)
@@ -57,7 +58,17 @@ async def file_response(
         found = await obstore.get_async(store, file.path, options={"range": (start, stop)})
     except FileNotFoundError:
         raise ProblemError("gone", "the job has expired or was deleted") from None
+    if stop - start < LEAST_SIZE:  # a stream would be compressed however short it is
+        return Response(bytes(await found.bytes_async()), status, common, media_type)
     return StreamingResponse(found.stream(), status, common, media_type)
+
+
+def _varied(request: Request, etag: str, media_type: str, size: int) -> dict[str, str]:
+    """What compression would add to the whole file, and an answer without content has to tell as well."""
+    if not is_compressible(media_type, size):
+        return {}
+    varied = {"Vary": "Accept-Encoding"}
+    return {**varied, "ETag": f"W/{etag}"} if wants_gzip(request.headers) else varied
 
 
 def _by_script(request: Request) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from pathlib import Path
 from typing import Final
 
@@ -30,6 +31,9 @@ def _serve(files: StaticFiles, path: str) -> None:
     async def static(request: Request) -> Response:
         response = await files.get_response(path, request.scope)
         response.headers.update(_HEADERS)
+        response.headers["ETag"] = f"W/{response.headers['etag']}"  # of its time and size, compressed or not
+        if response.status_code == HTTPStatus.NOT_MODIFIED:  # which compression does not see to
+            response.headers["Vary"] = "Accept-Encoding"
         return response
 
     router.add_route(f"/{path}", static, include_in_schema=False)

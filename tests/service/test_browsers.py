@@ -72,6 +72,36 @@ def test_what_is_compact_by_itself_keeps_its_length(api: httpx.Client, jobs: Job
         assert not answer.headers["etag"].startswith("W/")
 
 
+@pytest.mark.parametrize("accepted", ["gzip", "identity"])
+@pytest.mark.parametrize("name", ["result.svg", "result", "result.gcv", "preview.png", "style.css", "page"])
+def test_answers_without_content_have_the_headers_of_those_with_it(
+    api: httpx.Client, drawing: str, name: str, accepted: str
+) -> None:
+    """RFC 9110, 9.3.2 and 15.4.5: the tag is that of what GET would send, the length too if it is told."""
+    path = {"style.css": "/style.css", "page": "/"}.get(name, drawing.replace("result.svg", name))
+    asked = {"Accept-Encoding": accepted}
+    whole, head = api.get(path, headers=asked), api.head(path, headers=asked)
+    known = api.get(path, headers=asked | {"If-None-Match": whole.headers["etag"]})
+    for field in ("etag", "vary", "content-type", "content-encoding"):
+        assert head.headers.get(field) == whole.headers.get(field)
+    if "content-encoding" in whole.headers:
+        assert "content-length" not in head.headers
+    else:
+        assert int(head.headers["content-length"]) == len(whole.content)
+    if name != "page":
+        assert (known.status_code, known.content) == (304, b"")
+        for field in ("etag", "vary"):
+            assert known.headers.get(field) == whole.headers.get(field)
+
+
+def test_what_is_short_is_not_compressed(api: httpx.Client, jobs: Jobs) -> None:
+    path = f"/v1/jobs/{jobs.finished(b'{}')}/result"
+    for answer in (api.get(path), api.head(path)):
+        assert "content-encoding" not in answer.headers
+        assert answer.headers["content-length"] == "2"
+        assert not answer.headers["etag"].startswith("W/")
+
+
 @pytest.mark.parametrize(
     ("accepted", "compressed"),
     [
