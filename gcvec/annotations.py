@@ -29,8 +29,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Annotations:
-    """The shapes of one image, in document order, with the image size the annotation file states (0, 0 if
-    none)."""
+    """The shapes of one image, in document order, with the image's sides as the annotation file states them,
+    0 for one that it does not state."""
 
     shapes: tuple[Shape, ...]
     width: int = 0
@@ -39,14 +39,22 @@ class Annotations:
 
 
 def check_size(annotations: Annotations, width: int, height: int) -> None:
-    """Raise `InputError` when the annotations were drawn on a picture of another size, or hold no region."""
-    stated = annotations.width, annotations.height
-    if stated not in ((0, 0), (width, height)):
+    """Raise `InputError` when the annotations were drawn on a picture of another size, as far as they state
+    it, or hold no region."""
+    if annotations.width not in (0, width) or annotations.height not in (0, height):
         raise InputError(
-            f"the annotations are for a picture of {stated[0]} x {stated[1]} pixels, "
-            f"this one has {width} x {height}",
+            f"the annotations are for a picture {_stated_size(annotations)}, this one has {width} x {height}",
             code="size-mismatch",
         )
     if not annotations.shapes:
         why = f" ({'; '.join(annotations.warnings)})" if annotations.warnings else ""
         raise InputError(f"the annotations hold no region for this picture{why}", code="no-usable-polygon")
+
+
+def _stated_size(annotations: Annotations) -> str:
+    """The size stated, in words; one side where the other is not."""
+    if not annotations.width:
+        return f"{annotations.height} pixels high"
+    if not annotations.height:
+        return f"{annotations.width} pixels wide"
+    return f"of {annotations.width} x {annotations.height} pixels"

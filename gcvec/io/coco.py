@@ -158,10 +158,11 @@ class _ShapeReader:
         return Shape(label, mask=runs.mask(), offset=(left, top), pointer=pointer)
 
     def _mask_size(self, stated: object, pointer: str) -> tuple[int, int]:
-        """The mask's height and width: the picture's, where the file states that."""
+        """The mask's height and width: those of the picture that the file states."""
         if not isinstance(stated, list) or len(stated) != 2:
             raise broken("its mask has no size [height, width]", pointer)
-        if self._size != [0, 0] and stated != self._size:
-            raise broken(f"its mask has the size {stated}, the picture {self._size} (height, width)", pointer)
         height, width = (_side(side, self._limits, pointer) for side in stated)
+        for own, wanted, along in zip((height, width), self._size, ("high", "wide"), strict=True):
+            if wanted not in (0, own):
+                raise broken(f"its mask is {own} pixels {along}, the picture {wanted}", pointer)
         return height, width

@@ -231,9 +231,11 @@ def _mask_box(attributes: Mapping[str, str], image: _Image, pointer: str) -> tup
     """The left, top, width and height of a mask, which may be left out where it is of the whole image."""
     whole = {"left": 0, "top": 0, "width": image.width, "height": image.height}
     box = {key: _whole(attributes, key, pointer) if key in attributes else whole[key] for key in whole}
-    missing = next((key for key in whole if key not in attributes), None)
+    missing = [key for key in whole if key not in attributes]
+    if unknown := next((key for key in missing if key in ("width", "height") and not whole[key]), None):
+        raise broken(f"{unknown!r} is missing, and the image does not state it either", pointer)
     if missing and box != whole:
-        raise broken(f"{missing!r} is missing, and the mask is not of the whole image", pointer)
+        raise broken(f"{missing[0]!r} is missing, and the mask is not of the whole image", pointer)
     return box["left"], box["top"], box["width"], box["height"]
 
 

@@ -82,6 +82,16 @@ def test_a_mask_brings_its_own_size_where_the_image_states_none() -> None:
     assert annotations.shapes[0].mask.shape == (4, 6)
 
 
+@pytest.mark.parametrize("stated", ["width", "height"])
+def test_a_mask_has_the_side_of_the_image_that_is_stated(stated: str) -> None:
+    value = document({"segmentation": {"size": [4, 6], "counts": [0, 24]}}, width=6, height=4)
+    value["images"][0] = {"id": 7, "file_name": "a.png", stated: value["images"][0][stated]}
+    assert read_coco(encoded(value)).shapes[0].mask is not None
+    value["images"][0][stated] = 5
+    own = {"width": "6 pixels wide", "height": "4 pixels high"}[stated]
+    assert str(refusal(value)).endswith(f"its mask is {own}, the picture 5")
+
+
 @pytest.mark.parametrize("nothing", [None, [], [[]], [[], []]])
 def test_a_box_alone_is_a_rectangle_and_neither_is_left_out(nothing: list[Any]) -> None:
     annotations = read_coco(

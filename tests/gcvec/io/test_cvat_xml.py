@@ -129,6 +129,13 @@ def test_a_mask_of_a_part_of_the_image_must_say_where_it_lies(box: str, missing:
     assert str(error) == f"mask 1, line 6: {missing!r} is missing, and the mask is not of the whole image"
 
 
+@pytest.mark.parametrize(("stated", "missing"), [("width", "height"), ("height", "width")])
+def test_a_mask_cannot_have_a_side_that_nothing_states(stated: str, missing: str) -> None:
+    image = f'<image name="a.png" {stated}="10"><mask label="it" rle="0, 100"/></image>'
+    wanted = f"mask 1, line 1: {missing!r} is missing, and the image does not state it either"
+    assert str(refusal(f"<annotations>{image}</annotations>".encode())) == wanted
+
+
 def test_a_mask_without_a_place_in_an_image_without_a_size_is_refused() -> None:
     image = '<annotations><image name="a.png"><mask label="it" rle="0, 32" {}/></image></annotations>'
     for box in ("", 'width="8" height="4"', 'left="0" top="0"'):

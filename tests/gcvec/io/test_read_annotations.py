@@ -279,6 +279,14 @@ def test_sizes_must_agree_where_stated() -> None:
     assert error.value.code == "size-mismatch"
 
 
+@pytest.mark.parametrize(("width", "height", "told"), [(60, 0, "60 pixels wide"), (0, 40, "40 pixels high")])
+def test_a_side_that_is_stated_alone_must_agree(width: int, height: int, told: str) -> None:
+    annotations = Annotations((Shape("s", rings=(np.zeros((3, 2)),)),), width, height)
+    check_size(annotations, 60, 40)
+    with pytest.raises(InputError, match=f"for a picture {told}, this one has 61 x 41"):
+        check_size(annotations, 61, 41)
+
+
 def test_annotations_without_a_region_are_of_no_use() -> None:
     with pytest.raises(InputError) as error:
         check_size(Annotations((), 60, 40), 60, 40)
