@@ -98,8 +98,8 @@ def _vectorized(
         regions=tuple(replace(r, iterations=found.iterations[r.id]) for r in report.regions),
     )
     tell.done(report.points, report.mse)
-    warnings = (*regions.warnings, *_shortfall(report, options, found.refined_mse))
-    image = replace(found.image, warnings=warnings, report=report)
+    shortfall = _shortfall(report, options, found.refined_mse)
+    image = replace(found.image, region_warnings=regions.warnings, result_warnings=shortfall, report=report)
     return image.knowing(found.image.canvas, found.data, found.image.picture)
 
 

@@ -51,6 +51,9 @@ class VectorImage:
     quantization     the steps in which its file stores all this
     control_points   (c, 2) float64, control points of all curves after an edit; None: those of the network
     recoloring       what the colours were made of where patches were recoloured; None: they were not
+    region_warnings  what the annotations had that could not be used as it was, one line each
+    result_warnings  what was asked for and has not been reached, one line each
+    report           how close it comes to its photo; None where that is not known
     """
 
     network: Network
@@ -62,7 +65,8 @@ class VectorImage:
     quantization: Quantization = field(default_factory=Quantization)
     control_points: Floats | None = None
     recoloring: Recoloring | None = None
-    warnings: tuple[str, ...] = ()
+    region_warnings: tuple[str, ...] = ()
+    result_warnings: tuple[str, ...] = ()
     report: Report | None = field(default=None)
 
     @property
@@ -77,6 +81,11 @@ class VectorImage:
     def curves(self) -> tuple[Curve, ...]:
         """The boundary curves of the network."""
         return self.network.curves
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All that a caller should know: about the regions first, then about the result."""
+        return (*self.region_warnings, *self.result_warnings)
 
     @cached_property
     def foundation(self) -> Foundation:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +33,7 @@ from gcvec.cli._options import (
     vectorization_options,
 )
 from gcvec.cli._progress import progress_bar, quick_interrupt
+from gcvec.errors import InputError
 from gcvec.options import Options
 
 if TYPE_CHECKING:
@@ -95,9 +98,10 @@ def vectorize(
     from gcvec.allocation import give_back_large_arrays
 
     give_back_large_arrays()
-    with about(annotations or image), quick_interrupt(), progress_bar() as on_progress:
+    with _about_what(image, annotations), quick_interrupt(), progress_bar() as on_progress:
         result = vectorize(picture.pixels, annotated, options, on_progress=on_progress)
-    warn(annotations or image, result.warnings)
+    warn(annotations or image, result.region_warnings)
+    warn(image, result.result_warnings)
     write(target, result.to_bytes())
     if report and result.report:
         warnings = [*ignored, *picture.warnings, *result.warnings]
@@ -107,6 +111,16 @@ def vectorize(
         from gcvec.export.png import png
 
         write(preview, png(result.picture))
+
+
+@contextmanager
+def _about_what(image: Path, annotations: Path | None) -> Iterator[None]:
+    """Name the picture in an InputError about an option raised inside, the annotations in any other."""
+    try:
+        yield
+    except InputError as error:
+        with about(image if error.code == "bad-option" else annotations or image):
+            raise
 
 
 def _load_regions(path: Path, image_name: str | None, picture: Path) -> Annotations:

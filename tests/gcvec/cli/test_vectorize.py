@@ -49,6 +49,25 @@ def test_the_report_holds_the_warnings(folder: Path, tmp_path: Path) -> None:
         assert any(part in warning for warning in warnings)
 
 
+def test_warnings_name_the_file_that_they_are_about(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    beside = '<polygon label="far" points="900,900;950,900;950,950"/></image>'
+    (tmp_path / "drawn.xml").write_text(cvat(GROUND, BOX).replace("</image>", beside))
+    (tmp_path / "photo.png").write_bytes((folder / "photo.png").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    options = ("--target-mse", "0.2", "--max-points", "1", "--snap", "0")
+    assert run(["vectorize", "photo.png", "-a", "drawn.xml", "-o", "a.gcv", *options]) == 0
+    dropped, missed = capsys.readouterr().err.splitlines()
+    assert dropped.startswith("gcvec: warning: drawn.xml: 1 shape dropped: outside the picture")
+    assert missed.startswith("gcvec: warning: photo.png: the mean squared error stays at")
+
+
+def test_an_error_about_the_result_names_the_picture(folder: Path, tmp_path: Path) -> None:
+    command = ("vectorize", "photo.png", "-a", "photo.xml", "-o", tmp_path / "a.gcv", "--target-bytes", "50")
+    refused(gcvec(*command, cwd=folder), "gcvec: photo.png: the picture does not fit into 50 bytes")
+
+
 def test_a_report_without_warnings_says_so(
     folder: Path, vectorized: subprocess.CompletedProcess[str]
 ) -> None:
