@@ -98,7 +98,7 @@ def _vectorized(
         regions=tuple(replace(r, iterations=found.iterations[r.id]) for r in report.regions),
     )
     tell.done(report.points, report.mse)
-    shortfall = _shortfall(report, options, found.refined_mse)
+    shortfall = _shortfall(report, options, found)
     image = replace(found.image, region_warnings=regions.warnings, result_warnings=shortfall, report=report)
     return image.knowing(found.image.canvas, found.data, found.image.picture)
 
@@ -166,12 +166,13 @@ def _scene(
 
 
 class _Outcome(NamedTuple):
-    """The outcome of a run of refinement: a file, what it holds, its error, in how many iterations each
-    region grew, and the error that the last of them had come to, before colours were rounded."""
+    """The outcome of a run of refinement: see `Draft`; in how many iterations each region grew, and the error
+    that the last of them had come to, before colours were rounded."""
 
     data: bytes
     image: VectorImage
     mse: float
+    tried: NDArray[np.int64]
     iterations: Counter[int]
     refined_mse: float | None
 
@@ -196,10 +197,10 @@ def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageCloc
         from gcvec.refinement.paper import refine_paper  # with the sparse solvers, which are slow to load
 
         draft = refine_paper(scene, terms, tell.iteration, clock)
-    return _Outcome(draft.data, draft.image, draft.mse, tell.iterations, tell.mse)
+    return _Outcome(draft.data, draft.image, draft.mse, draft.tried, tell.iterations, tell.mse)
 
 
-def _shortfall(report: Report, options: Options, refined_mse: float | None) -> tuple[str, ...]:
+def _shortfall(report: Report, options: Options, found: _Outcome) -> tuple[str, ...]:
     """In one line, by how much the picture misses its target and why; nothing where it does not.
 
     The paper's strategy ends by colours that are not rounded yet; it needs no iteration where those at first
@@ -210,8 +211,11 @@ def _shortfall(report: Report, options: Options, refined_mse: float | None) -> t
     wanted = mse if options.target_bytes else options.target_mse
     bound = options.max_points
     enough = wanted if alone else 0.0
-    full = sum(bool(bound) and r.points >= FULL * bound and r.mse > enough for r in report.regions)
-    held_back = f"{full} of {report.patches} regions hold the {bound} control points that max_points allows"
+    tried = found.tried
+    full = sum(bool(bound) and tried[r.id] >= FULL * bound and r.mse > enough for r in report.regions)
+    held_back = (
+        f"{full} of {report.patches} regions need more than the {bound} control points that max_points allows"
+    )
     if options.target_bytes:
         if not full or report.bytes >= CLOSE * options.target_bytes:
             return ()
@@ -220,7 +224,7 @@ def _shortfall(report: Report, options: Options, refined_mse: float | None) -> t
         return ()
     if full:
         why = held_back
-    elif alone and (refined_mse is None or refined_mse <= wanted):
+    elif alone and (found.refined_mse is None or found.refined_mse <= wanted):
         why = "rounding to the file's steps has cost the rest"
     else:
         why = "more control points no longer help"

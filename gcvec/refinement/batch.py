@@ -7,6 +7,7 @@ buy more; at the end colours are stored in the steps that bring the file to the 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -119,7 +120,7 @@ def refine_batch(
         more = state.catch_up()
         draft = settled()
     if draft.mse > target_mse and state.fall_back():
-        draft = settled()
+        draft = replace(settled(), tried=draft.tried)
     return draft
 
 

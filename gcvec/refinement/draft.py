@@ -20,11 +20,17 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Draft:
-    """A file, what it holds, and the mean squared error of its picture (0-255 scale)."""
+    """A file, and how it came about.
+
+    image  what it holds
+    mse    the mean squared error of its picture (0-255 scale)
+    tried  (patches,) how many control points each region had before those that did not pay were taken back
+    """
 
     data: bytes
     image: VectorImage
     mse: float
+    tried: Ints
 
     @property
     def steps(self) -> Quantization:
@@ -53,7 +59,8 @@ def drafted(image: VectorImage, scene: Scene) -> Draft:
     data, boundary_colors, point_colors = encode_rounded(image)
     rounded = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
     found = rounded.knowing(image.canvas, data)
-    return Draft(data, found, float(squared_error(found.picture, scene.pixels).mean()))
+    tried = np.bincount(found.patch_of_points, minlength=len(found.network.loops))
+    return Draft(data, found, float(squared_error(found.picture, scene.pixels).mean()), tried)
 
 
 def by_rows(points: Ints) -> Ints:

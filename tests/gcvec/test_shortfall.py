@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,8 +40,19 @@ def test_full_regions_are_counted(strategy: str) -> None:
     assert told(image) == (
         pytest.approx(error, abs=0.006),
         20,
-        "1 of 1 regions hold the 25 control points that max_points allows",
+        "1 of 1 regions need more than the 25 control points that max_points allows",
     )
+
+
+def test_regions_that_did_not_pay_for_the_points_they_may_have_are_counted_too() -> None:
+    """They are left with fewer, but it is the bound that has kept them from the target."""
+    pixels, options = noise(90, 90), Options(target_mse=3000, regions=1)
+    bounded = vectorize(pixels, None, replace(options, max_points=500))
+    free = vectorize(pixels, None, replace(options, max_points=0))
+    assert free.report is not None
+    assert free.report.mse <= 3000
+    assert len(bounded.points) < 400
+    assert told(bounded)[2] == "1 of 1 regions need more than the 500 control points that max_points allows"
 
 
 def test_points_that_no_longer_help_are_named() -> None:
@@ -79,7 +91,7 @@ def test_found_regions_are_as_many_as_hold_the_points_needed() -> None:
 def test_a_file_that_cannot_grow_says_why() -> None:
     image = vectorize(faint_noise(), None, Options(target_bytes=20_000, max_points=25))
     (warning,) = image.warnings
-    why = r"\d+ of \d+ regions hold the 25 control points that max_points allows"
+    why = r"\d+ of \d+ regions need more than the 25 control points that max_points allows"
     assert re.fullmatch(rf"the file takes \d+ of 20000 bytes, no more: {why}", warning)
 
 
@@ -98,7 +110,7 @@ def test_a_full_region_is_counted_even_if_it_is_the_better_one(sizes: dict[str, 
     assert faint.points == 600
     assert faint.mse < 320 < image.report.mse < noisy.mse
     (warning,) = image.warnings
-    assert warning.endswith("1 of 2 regions hold the 600 control points that max_points allows")
+    assert warning.endswith("1 of 2 regions need more than the 600 control points that max_points allows")
 
 
 @pytest.mark.parametrize("target_mse", [50, 60, 80])
