@@ -7,7 +7,9 @@ import pytest
 from skimage.metrics import structural_similarity
 
 from gcvec import ssim as module
-from gcvec.ssim import ssim
+from gcvec.ssim import STABILIZERS, ssim
+
+C1, C2 = STABILIZERS
 
 
 def pair(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +32,27 @@ def test_bands_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ssim(a, b) == pytest.approx(whole, rel=1e-12)
 
 
-@pytest.mark.parametrize(("height", "width"), [(1, 1), (2, 9)])
-def test_pictures_smaller_than_a_window_are_the_same_or_not(height: int, width: int) -> None:
+def plain(a: np.ndarray, b: np.ndarray, down: int, across: int) -> float:
+    """The mean over windows of so many pixels, one after another."""
+    found = []
+    for i in range(a.shape[0] - down + 1):
+        for j in range(a.shape[1] - across + 1):
+            for k in range(3):
+                x, y = (z[i : i + down, j : j + across, k].astype(float).ravel() for z in (a, b))
+                ((vx, vxy), (_, vy)) = np.cov(x, y) if len(x) > 1 else np.zeros((2, 2))
+                light = (2 * x.mean() * y.mean() + C1) / (x.mean() ** 2 + y.mean() ** 2 + C1)
+                found.append(light * (2 * vxy + C2) / (vx + vy + C2))
+    return float(np.mean(found))
+
+
+@pytest.mark.parametrize(
+    ("height", "width", "down", "across"),
+    [(2, 9, 2, 7), (9, 2, 7, 2), (300, 1, 7, 1), (1, 6, 1, 5), (2, 2, 2, 2), (1, 2, 1, 2), (1, 1, 1, 1)],
+)
+def test_a_window_lies_within_a_picture_of_few_pixels(
+    height: int, width: int, down: int, across: int
+) -> None:
     a, b = pair(height, width)
-    assert (ssim(a, a), ssim(a, b)) == (1, 0)
+    assert ssim(a, a) == pytest.approx(1, rel=1e-12)
+    assert ssim(a, b) == pytest.approx(plain(a, b, down, across), rel=1e-9)
+    assert ssim(a, b) < 1
