@@ -2,7 +2,8 @@
 
 Bytes fall with a power of the error that changes but slowly, so the search goes along a line in the
 logarithms of both: beyond what has been tried, then between the closest file that is too large and the
-closest that fits.
+closest that fits. The errors are those of the files: what was aimed at may have been out of reach, with noise
+by far.
 """
 
 from __future__ import annotations
@@ -36,11 +37,10 @@ MSE_RANGE = 0.2, 20_000.0
 all of a picture leaves, which is 127.5² at most."""
 
 MOST_RUNS = 7
-"""A bound on the time: after so many the best file that fits is taken, unless it is poor."""
-
-POOR = 0.5
-"""The search goes on for as many runs again where others were too large and what fits takes less than this
-share of the bytes allowed: for noise the first error to try is far off."""
+POOR = 0.8
+"""A bound on the time: after so many runs the best file that fits is taken; after twice as many, where others
+were too large and it takes less than this share of the bytes allowed: noise falls to next to nothing at once.
+"""
 
 BETTER = 0.995
 """A larger file whose error is above this share of the last one's is no better: more bytes buy nothing."""
@@ -57,7 +57,8 @@ class Sized(Protocol):
 
 
 class _Run(NamedTuple):
-    """The error that was aimed at, and the bytes of the file that came of it."""
+    """The error of a file and its bytes. One that is too large counts as what was aimed at, where that is the
+    larger error: to aim lower would be in vain."""
 
     mse: float
     size: int
@@ -79,26 +80,21 @@ def refine_to_bytes(refine: Callable[[float], Result], target_bytes: int, first_
     Raises `InputError` where even the coarsest picture takes more.
     """
     best: Result | None = None
-    mse, runs = _in_range(first_mse), list[_Run]()
-    while mse not in [run.mse for run in runs]:
-        found = refine(mse)
+    aim, aims, runs = _in_range(first_mse), list[float](), list[_Run]()
+    while aim not in aims and len(runs) < _most_runs(runs, target_bytes):
+        found = refine(aim)
+        aims.append(aim)
         size = len(found.data)
-        runs.append(_Run(mse, size))
-        if size <= target_bytes:
+        fits = size <= target_bytes
+        runs.append(_Run(found.mse if fits else max(aim, found.mse), size))
+        if fits:
             no_better = best is not None and size > len(best.data) and found.mse > BETTER * best.mse
             best = found if best is None or found.mse < best.mse else best
-            if (no_better and len(runs) <= MOST_RUNS) or size >= CLOSE * target_bytes:
+            if no_better or size >= CLOSE * target_bytes:
                 break
-        too_large, fitting = _sides(runs, target_bytes)
-        poor = bool(too_large) and best is not None and len(best.data) < POOR * target_bytes
-        if len(runs) >= (2 * MOST_RUNS if poor else MOST_RUNS):
-            break
-        mse = _in_range(_next(runs, target_bytes))
-        stuck = len(runs) >= MOST_RUNS or mse in [run.mse for run in runs]
-        if poor and stuck:  # sizes say little: they may be all but the same over a wide range of errors
-            mse = float(np.sqrt(max(run.mse for run in too_large) * min(run.mse for run in fitting)))
+        aim = _in_range(_next(runs, target_bytes))
     coarsest = MSE_RANGE[1]
-    if best is None and coarsest not in [run.mse for run in runs]:
+    if best is None and coarsest not in aims:
         found = refine(coarsest)
         size = len(found.data)
         best = found if size <= target_bytes else None
@@ -115,21 +111,23 @@ def _in_range(mse: float) -> float:
     return float(np.clip(mse, *MSE_RANGE))
 
 
-def _sides(runs: list[_Run], target_bytes: int) -> tuple[list[_Run], list[_Run]]:
-    """The runs whose files are too large, and those whose files fit."""
-    too_large = [run for run in runs if run.size > target_bytes]
-    return too_large, [run for run in runs if run.size <= target_bytes]
+def _most_runs(runs: list[_Run], target_bytes: int) -> int:
+    """How many runs there may be after these."""
+    fitting = [run.size for run in runs if run.size <= target_bytes]
+    poor = 0 < len(fitting) < len(runs) and max(fitting) < POOR * target_bytes
+    return 2 * MOST_RUNS if poor else MOST_RUNS
 
 
 def _next(runs: list[_Run], target_bytes: int) -> float:
-    """The error to try after these runs."""
+    """The error to aim at after these runs."""
     aim = AIM * target_bytes
-    too_large, fitting = _sides(runs, target_bytes)
+    too_large = [run for run in runs if run.size > target_bytes]
+    fitting = [run for run in runs if run.size <= target_bytes]
     if not too_large or not fitting:
         return _beyond(runs, aim)
-    above, below = min(too_large, key=lambda run: run.size), max(fitting, key=lambda run: run.size)
-    share = 0.5  # where one end stays for long, or sizes do not fall as they should
-    on_one_side = len({run.size > target_bytes for run in runs[-3:]}) == 1
+    above, below = max(too_large), min(fitting)
+    share = 0.5  # where one end stays, or sizes do not fall as they should
+    on_one_side = len({run.size > target_bytes for run in runs[-2:]}) == 1
     if not on_one_side and above.mse < below.mse:
         share = np.log(above.size / aim) / np.log(above.size / below.size)
     return float(above.mse ** (1 - share) * below.mse**share)
@@ -138,6 +136,6 @@ def _next(runs: list[_Run], target_bytes: int) -> float:
 def _beyond(runs: list[_Run], aim: float) -> float:
     """The error further on than those tried, at which the bytes would be those aimed at."""
     last, power = runs[-1], USUAL_POWER
-    if len(runs) > 1 and runs[-2].size != last.size:
+    if len(runs) > 1 and runs[-2].size != last.size and runs[-2].mse != last.mse:
         power = np.log(last.size / runs[-2].size) / np.log(last.mse / runs[-2].mse)
     return float(last.mse * (aim / last.size) ** (1 / np.clip(power, *POWERS)))

@@ -98,6 +98,35 @@ def test_a_leap_far_from_the_first_error_is_come_to(target: int, plateau: int) -
     assert len(runs) <= 2 * MOST_RUNS
 
 
+@pytest.mark.parametrize("target", [5_000, 20_000, 60_000])
+def test_errors_out_of_reach_do_not_lead_astray(target: int) -> None:
+    """As with noise: below an error of 650 files only grow, and they have next to nothing at 5500."""
+    runs: list[float] = []
+
+    def refine(mse: float) -> File:
+        runs.append(mse)
+        reached = float(np.clip(mse, 650, 5500))
+        waste = 70_000 * (650 / mse) ** 0.08 if mse < 650 else 70_000
+        return File(bytes(100 + int(waste * (5500 - reached) / 4850)), reached)
+
+    data, _ = refine_to_bytes(refine, target, 10.0)
+    assert CLOSE * target <= len(data) <= target
+    assert len(runs) <= 2 * MOST_RUNS
+
+
+def test_where_all_files_are_small_the_search_ends_early() -> None:
+    """As with noise in regions that may have few points: what is out of reach comes to any small size."""
+    sizes, runs = [1763, 1650, 1212, 1508, 1279, 1457], list[float]()
+
+    def refine(mse: float) -> File:
+        runs.append(mse)
+        size = sizes[len(runs) % len(sizes)]
+        return File(bytes(size), 5500 - size / 10)
+
+    refine_to_bytes(refine, 20_000, 14.0)
+    assert len(runs) <= MOST_RUNS
+
+
 def test_larger_files_that_are_no_better_are_not_gone_for() -> None:
     """Below an error of 12 bytes buy nothing, as where every region has as many points as it may have."""
     runs: list[float] = []
