@@ -62,7 +62,7 @@ def clipped(polygon: np.ndarray, width: int, height: int) -> np.ndarray:
             da, db = side * (a[axis] - bound), side * (b[axis] - bound)
             if da >= 0:
                 kept.append(a)
-            if da * db < 0:
+            if min(da, db) < 0 < max(da, db):
                 kept.append(a + (b - a) * da / (da - db))
         polygon = np.array(kept).reshape(-1, 2)
     return polygon
