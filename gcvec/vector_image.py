@@ -19,7 +19,7 @@ from gcvec.patches.drawing import FLATNESS
 from gcvec.quantization import Quantization
 
 if TYPE_CHECKING:
-    from gcvec.codec.point_colors import Neighborhoods
+    from gcvec.codec.neighborhoods import Neighborhoods
     from gcvec.metrics import Report
     from gcvec.recoloring import Recoloring
 
@@ -109,7 +109,7 @@ class VectorImage:
     @cached_property
     def neighborhoods(self) -> Neighborhoods:
         """What its file predicts the colours of interior control points from."""
-        from gcvec.codec.point_colors import neighborhoods
+        from gcvec.codec.neighborhoods import neighborhoods
 
         return neighborhoods(self.points, self.patch_of_points, self.height, self.width)
 

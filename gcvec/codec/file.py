@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gcvec.borders.planar_graph import OUTSIDE
 from gcvec.codec import limits, range_coder
+from gcvec.codec.blending import ALONG, NOT_ALONG
 from gcvec.codec.boundary_colors import (
     BOUNDARY_COUNTERS,
     BOUNDARY_INPUTS,
@@ -28,6 +29,7 @@ from gcvec.codec.geometry import GEOMETRY_COUNTERS, GEOMETRY_INPUTS, GEOMETRY_RO
 from gcvec.codec.integers import LONGEST, SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
 from gcvec.codec.limits import control_counts, demand, shortest_stream
 from gcvec.codec.mixing import Model, fresh_model
+from gcvec.codec.neighborhoods import neighborhoods
 from gcvec.codec.occupancy import OCCUPANCY_COUNTERS, OCCUPANCY_INPUTS, OCCUPANCY_ROWS, code_occupancy
 from gcvec.codec.point_colors import (
     POINT_COUNTERS,
@@ -64,12 +66,16 @@ GRAY = 0.5
 """The colour that boundary colours are differences from."""
 
 MAGIC = b"GCV"
-VERSION = 5
-READABLE = 2, 3, 4, VERSION
-"""Older files hold the same, and were drawn a little differently."""
+VERSION = 6
+READABLE = 2, 3, 4, 5, VERSION
+"""Older files hold the same; before 5 they were drawn a little differently."""
 
-FIRST_RECOLORED, FINE_STEPS = 4, 5
-"""The first versions whose files may hold recolours, and count steps of colours in units of a quarter."""
+FIRST_RECOLORED, FINE_STEPS, FIRST_BLENDED = 4, 5, 6
+"""The first versions whose files may hold recolours, count steps of colours in units of a quarter, and blend
+predictions of interior colours."""
+
+FORMER_NEIGHBORS = 6
+"""So many points told a colour before."""
 
 MOVED, RECOLORED = 1, 2
 """Edits of a picture, as the header names them."""
@@ -212,7 +218,7 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     point_colors = np.zeros((len(points), 3))
     image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
     image = image.knowing(canvas)
-    _code_points(coder, image, occupied, boundary_colors, point_colors)
+    _code_points(coder, image, occupied, boundary_colors, point_colors, version)
     _check_whole(coder)
     if not edits & RECOLORED:
         return image
@@ -363,19 +369,31 @@ def _code_boundary(coder: Coder, foundation: Foundation, steps: Quantization, co
 
 
 def _code_points(
-    coder: Coder, image: VectorImage, occupied: NDArray[np.uint8], boundary_colors: Floats, colors: Floats
+    coder: Coder,
+    image: VectorImage,
+    occupied: NDArray[np.uint8],
+    boundary_colors: Floats,
+    colors: Floats,
+    version: int = VERSION,
 ) -> None:
     """Write the interior colours, or read them; either way `colors` becomes what a decoder sees, as
     `boundary_colors` are."""
     base = predicted_colors(image.foundation, boundary_colors, image.points)
     coordinates, step = np.zeros(colors.shape, np.int64), image.quantization.point
+    patch = image.patch_of_points
+    if version >= FIRST_BLENDED:
+        around, along = image.neighborhoods, ALONG
+    else:
+        around = neighborhoods(image.points, patch, image.height, image.width, FORMER_NEIGHBORS)
+        along = NOT_ALONG
     code_point_colors(
         coder,
         fresh_model(POINT_COUNTERS, POINT_ROWS, POINT_INPUTS),
         image.points,
-        image.patch_of_points,
+        patch,
         occupied,
-        image.neighborhoods,
+        around,
+        along,
         to_coordinates(colors - base, step),
         coordinates,
     )

@@ -1,8 +1,8 @@
 """Colours of interior control points, predicted by those above and to the left.
 
 Everything is a difference from what the boundary alone gives at a point, along the axes of the basis, in
-sixteenths of a step. The prediction is that of ordinary geostatistics, simple kriging from the nearest known
-points of the patch, corrected by a linear model that learns what kriging misses. How large a difference may
+sixteenths of a step. Predictions from the nearest known points of the patch, as they are and along several
+directions, are blended and corrected by a linear model that learns what they miss. How large a difference may
 be, and of which sign, is told by the differences nearby, and by those of the axes before.
 """
 
@@ -13,29 +13,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gcvec.codec.blending import blend, lean, look_back
 from gcvec.codec.colors import FRACTION, rounded
 from gcvec.codec.integers import NODES, code_integer, sign, size_class
 from gcvec.codec.mixing import Model, place_contexts
+from gcvec.codec.neighborhoods import Neighborhoods
 from gcvec.codec.prediction import FURTHEST, correction, learn, nearest_integer
 from gcvec.codec.range_coder import Coder, rehearses
 from gcvec.kernels import bare_kernel, kernel
-from gcvec.parallel import in_shares
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+SmallInts = NDArray[np.int32]
 
-_REACH = 48
-_NEIGHBORS = 6
-"""A colour is predicted from so many points that are known, the nearest, no further away than this, pixels.
-All these numbers are part of the format: others make other files."""
-
-_RANGE = 20.0
-_NUGGET = 0.02
-"""The covariance of points d pixels apart is 1 / (1 + d / 20), which is one in the plane since it is a
-mixture of exponentials; each has noise of 0.02 on top."""
-
-_KRIGED_SCALE = 5.0
-"""Steps in a unit of the kriged value as a feature: it is larger than the others, which are differences."""
+_BLENDED_SCALE = 5.0
+"""Steps in a unit of the blended prediction as a feature: it is larger than others, which are differences."""
 
 _BASE_WEIGHT = 455
 """Weight of no difference at all among neighbours, whose own is 2^16 over their square distance."""
@@ -57,63 +49,29 @@ _AXIS_ROWS = _SELECTORS * NODES
 POINT_COUNTERS, POINT_ROWS, POINT_INPUTS = 3 * _AXIS_COUNTERS, 3 * _AXIS_ROWS, _SIZE_CONTEXTS
 
 
-class Neighborhoods(NamedTuple):
-    """The known points of the same patch nearest to each point when its turn comes, and how they count.
-
-    known   (n,) int64, how many there are, at most 6
-    near    (n, 6) int64, which ones, the nearest first
-    square  (n, 6) int64, their square distances
-    share   (n, 6) float64, their weights in the best linear prediction
-    """
-
-    known: Ints
-    near: Ints
-    square: Ints
-    share: Floats
-
-
 class Surroundings(NamedTuple):
-    """What is known around one point.
+    """What is known around one point that has m neighbours at most.
 
     known      how many neighbours there are
-    near       (6,) int64, which ones
-    square     (6,) int64, their square distances
-    share      (6,) float64, their weights in the best linear prediction
-    closeness  (6,) int64, 2^16 over their square distances
+    near       (m,) int32, which ones
+    square     (m,) int32, their square distances
+    share      (m,) float64, their weights in the best linear prediction
+    leaning    (m, d) float64, their weights in the averages along each direction
+    closeness  (m,) int64, 2^16 over their square distances
     average    (3,) int64, of their coordinates by closeness, in sixteenths of a step
     activity   (3,) int64, how far they are from their own predictions, in quarters of a step
     spread     (3,) int64, how far they are from their average, in quarters of a step
     """
 
     known: int
-    near: Ints
-    square: Ints
+    near: SmallInts
+    square: SmallInts
     share: Floats
+    leaning: Floats
     closeness: Ints
     average: Ints
     activity: Ints
     spread: Ints
-
-
-def neighborhoods(points: Ints, patch: Ints, height: int, width: int) -> Neighborhoods:
-    """Those of points `(n, 2)` by rows, of these patches `(n,)`, in a picture of that size."""
-    number = np.full((height, width), -1, np.int32)
-    number[points[:, 1], points[:, 0]] = np.arange(len(points))
-    shape = len(points), _NEIGHBORS
-    found = Neighborhoods(
-        np.zeros(len(points), np.int64), np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape)
-    )
-    in_shares(lambda first, last: _find(points, patch, number, first, last, found), len(points))
-    return found
-
-
-@kernel
-def _find(points, patch, number, first, last, found):
-    covariance = np.zeros((_NEIGHBORS, _NEIGHBORS))
-    for i in range(first, last):
-        n = _nearest_known(points, patch, number, i, found.near[i], found.square[i])
-        _krige(points, found.near[i], found.square[i], n, covariance, found.share[i])
-        found.known[i] = n
 
 
 @kernel
@@ -124,36 +82,45 @@ def code_point_colors(
     patch: Ints,
     occupied: NDArray[np.uint8],
     around: Neighborhoods,
+    along: Floats,
     wanted: Floats,
     result: Ints,
 ) -> None:
     """Write the coordinates `wanted` `(n, 3)`, in steps, of points `(n, 2)` by rows, or read them.
 
     Either way `result` `(n, 3)` becomes what a decoder sees, in sixteenths of a step. `patch` `(n,)` is the
-    points' own, `occupied` `(h, w)` their bitmap, `around` their neighbourhoods.
+    points' own, `occupied` `(h, w)` their bitmap, `around` their neighbourhoods, and `along` the weights
+    of points in averages along d directions.
     """
-    width = occupied.shape[1]
-    closeness = np.zeros(_NEIGHBORS, np.int64)
+    width, most, lanes = occupied.shape[1], around.near.shape[1], along.shape[2]
+    closeness, leaning = np.zeros(most, np.int64), np.zeros((most, lanes))
+    offers, errors = np.zeros(1 + lanes), np.zeros((len(points), 3, 1 + lanes))
+    sums = np.zeros(1 + lanes)
     differences = np.zeros(result.shape, np.int64)
     average, activity, spread = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3, np.int64)
-    features, gain, power = np.zeros(_FEATURES), np.zeros((3, _FEATURES)), np.ones((3, _FEATURES))
+    features = np.zeros(_FEATURES + lanes)
+    gain, power = np.zeros((3, _FEATURES + lanes)), np.ones((3, _FEATURES + lanes))
     for i in range(len(points)):
         nearby = Surroundings(
             around.known[i],
             around.near[i],
             around.square[i],
             around.share[i],
+            leaning,
             closeness,
             average,
             activity,
             spread,
         )
-        _survey(nearby, result, differences)
+        total = _survey(nearby, result, differences)
+        lean(points, nearby.near, nearby.known, i, along, leaning, sums[1:])
         x, y = points[i, 0], points[i, 1]
         dense, pattern = min(_count(occupied, x, y) // 3, 15), _pattern(occupied, x, y)
         block = (y >> _BLOCK_BITS) * ((width >> _BLOCK_BITS) + 1) + (x >> _BLOCK_BITS)
         for axis in range(3):
-            prediction = _predict(nearby, result, differences, i, axis, gain, features)
+            _make_offers(nearby, result, axis, offers)
+            blended = blend(offers, nearby.near, closeness, total, nearby.known, errors, i, axis, sums)
+            prediction = _predict(nearby, result, differences, i, axis, offers, blended, gain, features)
             if not rehearses(coder):
                 _choose_sizes(model, axis, nearby, differences[i], block, pattern, dense, patch[i])
                 _choose_signs(model, axis, nearby, result, differences, i, patch[i], prediction)
@@ -163,80 +130,12 @@ def code_point_colors(
             learn(gain[axis], power[axis], features, difference)
             differences[i, axis] = difference
             result[i, axis] = min(max(prediction + FRACTION * difference, -FURTHEST), FURTHEST)
+            look_back(offers, result[i, axis] / FRACTION, errors, i, axis)
 
 
 @bare_kernel
-def _nearest_known(
-    points: Ints, patch: Ints, number: NDArray[np.int32], i: int, near: Ints, square: Ints
-) -> int:
-    """The points of the same patch before point i that are nearest to it, in order, and their square
-    distances.
-
-    `number` `(h, w)` says which point a pixel holds, -1: none. Squares of pixels around the point are
-    searched from the inside out, each by its upper edge, then the left and right ones downwards. Returns how
-    many were found.
-    """
-    width = number.shape[1]
-    x, y = points[i, 0], points[i, 1]
-    n = 0
-    for ring in range(1, _REACH + 1):
-        if n == _NEIGHBORS and square[n - 1] <= ring * ring:
-            break
-        left, right = max(x - ring, 0), min(x + ring, width - 1)
-        for row in range(max(y - ring, 0), y + 1):
-            stride = 1
-            if row > y - ring:
-                # Only the edges; a stride from one to the other passes over what is inside.
-                left, right, stride = x - ring, x + ring, 2 * ring
-            for column in range(left, right + 1, stride):
-                if not 0 <= column < width:
-                    continue
-                j = number[row, column]
-                if not 0 <= j < i or patch[j] != patch[i]:
-                    continue
-                d = (column - x) ** 2 + (row - y) ** 2
-                if n == _NEIGHBORS and d >= square[n - 1]:
-                    continue
-                k = min(n, _NEIGHBORS - 1)
-                n = min(n + 1, _NEIGHBORS)
-                while k > 0 and square[k - 1] > d:
-                    near[k], square[k] = near[k - 1], square[k - 1]
-                    k -= 1
-                near[k], square[k] = j, d
-    return n
-
-
-@bare_kernel
-def _krige(points: Ints, near: Ints, square: Ints, n: int, covariance: Floats, share: Floats) -> None:
-    """Weights `share` `(n,)` of the best linear prediction from the neighbours, by Cholesky's method.
-
-    `covariance` `(n, n)` is scratch.
-    """
-    for a in range(n):
-        for b in range(a):
-            across, down = points[near[a], 0] - points[near[b], 0], points[near[a], 1] - points[near[b], 1]
-            covariance[a, b] = _RANGE / (_RANGE + np.sqrt(float(across * across + down * down)))
-        covariance[a, a] = 1.0 + _NUGGET
-        share[a] = _RANGE / (_RANGE + np.sqrt(float(square[a])))
-    for a in range(n):
-        for b in range(a + 1):
-            value = covariance[a, b]
-            for k in range(b):
-                value -= covariance[a, k] * covariance[b, k]
-            covariance[a, b] = np.sqrt(value) if a == b else value / covariance[b, b]
-    for a in range(n):
-        for k in range(a):
-            share[a] -= covariance[a, k] * share[k]
-        share[a] /= covariance[a, a]
-    for a in range(n - 1, -1, -1):
-        for k in range(a + 1, n):
-            share[a] -= covariance[k, a] * share[k]
-        share[a] /= covariance[a, a]
-
-
-@bare_kernel
-def _survey(nearby: Surroundings, result: Ints, differences: Ints) -> None:
-    """Find out, for every axis, what the neighbours are like."""
+def _survey(nearby: Surroundings, result: Ints, differences: Ints) -> int:
+    """Find out, for every axis, what the neighbours are like. Returns how much they weigh by closeness."""
     near, closeness = nearby.near, nearby.closeness
     total = _BASE_WEIGHT
     for k in range(nearby.known):
@@ -253,6 +152,7 @@ def _survey(nearby: Surroundings, result: Ints, differences: Ints) -> None:
         nearby.average[axis] = average
         nearby.activity[axis] = 4 * surprise // total if nearby.known else _UNKNOWN_ACTIVITY
         nearby.spread[axis] = away // (total * (FRACTION // 4))
+    return total
 
 
 @bare_kernel
@@ -281,21 +181,38 @@ def _pattern(occupied: NDArray[np.uint8], x: int, y: int) -> int:
 
 
 @bare_kernel
+def _make_offers(nearby: Surroundings, result: Ints, axis: int, offers: Floats) -> None:
+    """Predictions `offers` `(1 + d,)` of one coordinate, in steps: the kriged one, and one for each
+    direction."""
+    offers[:] = 0.0
+    for j in range(nearby.known):
+        known = result[nearby.near[j], axis] / FRACTION
+        offers[0] += nearby.share[j] * known
+        for k in range(1, len(offers)):
+            offers[k] += nearby.leaning[j, k - 1] * known
+
+
+@bare_kernel
 def _predict(
-    nearby: Surroundings, result: Ints, differences: Ints, i: int, axis: int, gain: Floats, features: Floats
+    nearby: Surroundings,
+    result: Ints,
+    differences: Ints,
+    i: int,
+    axis: int,
+    offers: Floats,
+    blended: float,
+    gain: Floats,
+    features: Floats,
 ) -> int:
-    """The prediction of one coordinate, in sixteenths of a step, and the `features` it is corrected by."""
+    """The prediction of one coordinate, in sixteenths of a step, and the `features` that the `blended` one is
+    corrected by."""
     n, near, closeness = nearby.known, nearby.near, nearby.closeness
-    kriged = 0.0
-    for k in range(n):
-        kriged += nearby.share[k] * result[near[k], axis]
-    kriged /= FRACTION
     features[:] = 0.0
     if n > 0:
-        features[0] = result[near[0], axis] / FRACTION - kriged
-        features[1] = nearby.average[axis] / FRACTION - kriged
+        features[0] = result[near[0], axis] / FRACTION - blended
+        features[1] = nearby.average[axis] / FRACTION - blended
         features[2] = differences[near[0], axis]
-        features[3] = kriged / _KRIGED_SCALE
+        features[3] = blended / _BLENDED_SCALE
     if n > 1:
         features[4] = differences[near[1], axis]
     for b in range(axis):
@@ -307,7 +224,9 @@ def _predict(
         features[5 + b] = differences[i, b]
         features[7 + b] = together / alone * differences[i, b]
         features[9 + b] = (result[i, b] - (result[near[0], b] if n else 0)) / FRACTION
-    prediction: int = nearest_integer((kriged + correction(gain[axis], features)) * FRACTION)
+    for k in range(1, len(offers)):
+        features[_FEATURES + k - 1] = offers[k] - offers[0]
+    prediction: int = nearest_integer((blended + correction(gain[axis], features)) * FRACTION)
     return prediction
 
 

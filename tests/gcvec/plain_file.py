@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -364,14 +364,18 @@ def plain_point_colors(
     decoder: PlainDecoder, points: Sequence[tuple[int, int]], patches: Sequence[int], width: int
 ) -> list[Color]:
     model = PlainModel(inputs=6)
-    corrections = [PlainCorrection(11) for _ in range(3)]
+    corrections = [PlainCorrection(19) for _ in range(3)]
     number = {point: i for i, point in enumerate(points)}
     colors: list[Color] = []
     read: list[Color] = []
+    kept: list[list[list[float]]] = []
     for i, (x, y) in enumerate(points):
         neighbors = nearest_before(points, patches, number, i)
         n, near = len(neighbors), [j for _, j in neighbors]
-        shares = kriging_shares([points[j] for j in near], [square for square, _ in neighbors])
+        shares = [
+            kriging_shares([points[j] for j in near], [square for square, _ in neighbors]),
+            *averages([(points[j][0] - x, points[j][1] - y) for j in near]),
+        ]
         W = [65536 // square for square, _ in neighbors]
         total = 455 + sum(W)
         average, activity, spread = [0, 0, 0], [0, 0, 0], [0, 0, 0]
@@ -392,14 +396,24 @@ def plain_point_colors(
         # The nearest two, as far as there are any.
         (r_1, q_1), (_, q_2) = [*((colors[j], read[j]) for j in near), *2 * [([0, 0, 0], [0, 0, 0])]][:2]
         r, q = [0, 0, 0], [0, 0, 0]
+        own: list[list[float]] = []
         for a in range(3):
-            kriged = 0.0
-            for share, j in zip(shares, near, strict=True):
-                kriged += share * colors[j][a]
-            kriged /= 16
-            features = [0.0] * 11
+            offers = [
+                ordered_sum(s * (colors[j][a] / 16) for s, j in zip(share, near, strict=True))
+                for share in shares
+            ]
+            votes = []
+            for k in range(9):
+                error = 1500 + 0.2 * total
+                for w, j in zip(W, near, strict=True):
+                    error += w * kept[j][a][k]
+                for b in range(a):
+                    error += (0.1 * total) * own[b][k]
+                votes.append(1 / ((error * error) * (error * error)))
+            blended = ordered_sum(v * o for v, o in zip(votes, offers, strict=True)) / ordered_sum(votes)
+            features = [0.0] * 11 + [offer - offers[0] for offer in offers[1:]]
             if n > 0:
-                features[:4] = r_1[a] / 16 - kriged, average[a] / 16 - kriged, float(q_1[a]), kriged / 5
+                features[:4] = r_1[a] / 16 - blended, average[a] / 16 - blended, float(q_1[a]), blended / 5
             features[4] = float(q_2[a])
             for k in range(a):
                 together = sum(w * read[j][k] * read[j][a] for w, j in zip(W, near, strict=True))
@@ -407,7 +421,7 @@ def plain_point_colors(
                 features[5 + k] = float(q[k])
                 features[7 + k] = together / (16 + alone) * q[k]
                 features[9 + k] = (r[k] - r_1[k]) / 16
-            prediction = nearest((kriged + corrections[a](features)) * 16)
+            prediction = nearest((blended + corrections[a](features)) * 16)
             b = min(plain_class(4 * size_before(q, a)) >> 1, 11)
             sizes = [
                 (a, 1, block),
@@ -426,9 +440,30 @@ def plain_point_colors(
             q[a] = model.integer(decoder, sizes, signs, (a, min(plain_class(activity[a]) >> 2, 7)))
             corrections[a].learn(features, q[a])
             r[a] = held(prediction + 16 * q[a])
+            own.append(
+                [(r[a] / 16 - o) ** 2 + (0.1 * own[0][k] if a > 0 else 0) for k, o in enumerate(offers)]
+            )
         colors.append(r)
         read.append(q)
+        kept.append(own)
     return colors
+
+
+def ordered_sum(terms: Iterable[float]) -> float:
+    """The sum from the first on, each step rounded: what `sum` does differs between versions of Python."""
+    total = 0.0
+    for term in terms:
+        total += term
+    return total
+
+
+def averages(places: Sequence[tuple[int, int]]) -> list[list[float]]:
+    """The weights of neighbours that are so far to the right and down, in the average along each vector."""
+    found = []
+    for a, b in ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)):
+        weights = [1 / ((a * x + b * y) ** 2 + 16 * (a * y - b * x) ** 2) for x, y in places]
+        found.append([weight * (1 / ordered_sum(weights)) for weight in weights])
+    return found
 
 
 def nearest_before(
@@ -438,7 +473,7 @@ def nearest_before(
     x, y = points[i]
     found: list[tuple[int, int]] = []
     for ring in range(1, 49):
-        if len(found) == 6 and found[5][0] <= ring**2:
+        if len(found) == 10 and found[9][0] <= ring**2:
             break
         above = [(x + dx, y - ring) for dx in range(-ring, ring + 1)]
         edges = [(x + dx, row) for row in range(y - ring + 1, y + 1) for dx in (-ring, ring)]
@@ -446,7 +481,7 @@ def nearest_before(
             j = number.get(place, i)
             if j < i and patches[j] == patches[i]:
                 found.append(((place[0] - x) ** 2 + (place[1] - y) ** 2, j))
-                found = sorted(found, key=lambda neighbor: neighbor[0])[:6]  # which keeps equals in order
+                found = sorted(found, key=lambda neighbor: neighbor[0])[:10]  # which keeps equals in order
     return found
 
 

@@ -19,7 +19,7 @@ DATA = Path(__file__).parent.parent / "data"
 both = pytest.mark.parametrize("name", ["leaf", "recolored"])
 
 
-@both
+@pytest.mark.parametrize("name", ["leaf", "recolored", "leaf-5", "recolored-5"])
 def test_the_golden_file_holds_its_picture(name: str) -> None:
     image = VectorImage.load(DATA / f"{name}.gcv")
     with Image.open(DATA / f"{name}.png") as picture:
@@ -52,7 +52,7 @@ def test_the_golden_file_is_written_again_byte_by_byte(name: str) -> None:
     assert encode(VectorImage.from_bytes(data)) == data
 
 
-@pytest.mark.parametrize(("name", "version"), [("leaf", 3), ("recolored", 4)])
+@pytest.mark.parametrize(("name", "version"), [("leaf", 3), ("leaf", 5), ("recolored", 4), ("recolored", 5)])
 def test_a_file_of_an_older_version_is_read_alike(name: str, version: int) -> None:
     old = (DATA / f"{name}-{version}.gcv").read_bytes()
     assert old[3] == version
