@@ -63,4 +63,4 @@ def landing_steps(
         if least > most or (some_kept and step < WORTH * (least - 1)):
             break
         step = max(step, least)
-    return min(tried, key=lambda one: (tried[one] > most_kept, abs(tried[one] - most_kept)))
+    return max(tried, key=lambda one: one.point_step if tried[one] <= most_kept else -tried[one])

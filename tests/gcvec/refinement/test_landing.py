@@ -56,7 +56,7 @@ def test_the_target_is_kept_where_steps_can_keep_it(
         return
     assert all(LEAST_SCALE * steps.point_step <= s <= MOST_SCALE * steps.point_step for s in added.tried)
     kept = [s for s in added.tried if added.mse(s) <= KEPT * TARGET]
-    assert found == (max(kept, key=added.mse) if kept else min(added.tried, key=added.mse))
+    assert found == (max(kept) if kept else min(added.tried, key=added.mse))
     if not kept:
         smallest = min(added.tried)
         assert smallest - 1 < LEAST_SCALE * steps.point_step or len(added.tried) == MOST_TRIES
