@@ -180,8 +180,9 @@ class _Outcome(NamedTuple):
 def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageClock, tell: Teller) -> _Outcome:
     """A scene refined to the target error of the options."""
     batch = options.strategy == "batch"
-    steps = Quantization.for_error(options.target_mse)
-    terms = Terms(options.target_mse, steps, options.max_points, options.effort)
+    axes = 1 if _is_gray(scene.pixels) else 3
+    steps = Quantization.for_error(options.target_mse, axes)
+    terms = Terms(options.target_mse, steps, options.max_points, options.effort, axes)
     tell.run(
         terms.target_mse,
         exchanges=batch and bool(exchanges(terms.effort, 0)),
@@ -198,6 +199,11 @@ def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageCloc
 
         draft = refine_paper(scene, terms, tell.iteration, clock)
     return _Outcome(draft.data, draft.image, draft.mse, draft.tried, tell.iterations, tell.mse)
+
+
+def _is_gray(pixels: NDArray[np.uint8]) -> bool:
+    """Whether all colours `(h, w, 3)` are grey."""
+    return bool((pixels == pixels[..., :1]).all())
 
 
 def _shortfall(report: Report, options: Options, found: _Outcome) -> tuple[str, ...]:

@@ -23,13 +23,14 @@ class Quantization:
     point_step: int = 64
 
     @classmethod
-    def for_error(cls, target_mse: float) -> Quantization:
+    def for_error(cls, target_mse: float, axes: int = 3) -> Quantization:
         """Steps whose rounding takes a small share of a mean squared error (0-255 scale).
 
         At an error of 5 a step is 64 units, 4 levels: rounding to the nearest gives 4²/12, about a quarter of
-        the error, and the same share of any other within half a level and 16 of them.
+        the error, and the same share of any other within half a level and 16 of them. Steps may be larger
+        where colours vary along fewer axes than three: that adds as much error.
         """
-        step = int(np.clip(round(64 * (target_mse / 5) ** 0.5), 8, 256))
+        step = int(np.clip(round(64 * (target_mse / 5 * 3 / axes) ** 0.5), 8, 256))
         return cls(boundary_step=step, point_step=step)
 
     def scaled(self, factor: float) -> Quantization:

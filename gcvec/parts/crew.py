@@ -111,7 +111,7 @@ class _Rounds:
         """The mean squared error to aim at (0-255 scale)."""
         n = self._pixels.size / 3
         energy_a_pixel = sum(state.total_energy for state in self._states) / n if self._done else USUAL_ENERGY
-        return Rounding(self._terms.target_mse, self._terms.steps).aim(energy_a_pixel)
+        return Rounding(self._terms.target_mse, self._terms.steps, self._terms.axes).aim(energy_a_pixel)
 
     @property
     def aim(self) -> float:

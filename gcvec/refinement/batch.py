@@ -29,6 +29,10 @@ BARE = 2.0
 """A file without points is tried first where the error, before its colours have converged, is at most this
 many times the target: seeds would overshoot."""
 
+LITTLE = 0.3
+"""A share of the aim that need not be counted: where regions lack no more, larger steps of colours can be made
+up for."""
+
 RETRIES = 4
 """How often points are added again to a picture that no steps bring to its target."""
 
@@ -73,7 +77,7 @@ def refine_batch(
 
     `start` is there where the rounds up to the last exchange have been done.
     """
-    rounding = Rounding(terms.target_mse, terms.steps)
+    rounding = Rounding(terms.target_mse, terms.steps, terms.axes)
     state = Refinement(scene, terms, rounding.aim, on_iteration, clock, start)
     target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
@@ -102,13 +106,14 @@ def refine_batch(
         state.seed(state.aim)
         more = state.grow(effort.growth, early=bool(effort.exchanges))
         if more or state.has_full_region:  # where no more points help, none can be spared
-            shares = exchanges(terms.effort, len(state.points))
+            shares, weighed = exchanges(terms.effort, len(state.points)), False
             for n, share in enumerate(shares, start=1):
                 state.left = len(shares) - n
                 more = state.exchange(share)
-                # Later ones find fewer points of little use; where points are lacking, they are not cheap.
-                if n == 1 < len(shares) and not state.lack:
+                # Where points are lacking, they are not cheap.
+                if not weighed and n < len(shares) and state.lack <= LITTLE * state.aim:
                     rounding.weigh(state.rise, state.energy_a_pixel)
+                    weighed = True
     state.left = 0
     draft = settled()
     if effort.exchanges and state.spare > LEAST_SPARE:

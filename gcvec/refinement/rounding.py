@@ -36,11 +36,12 @@ class Rounding:
     `energy_a_pixel` is what all colours give to a pixel, in squares, of the picture in question.
     """
 
-    def __init__(self, target_mse: float, steps: Quantization) -> None:
-        """Files that come to `target_mse` in about these steps, the planned ones."""
+    def __init__(self, target_mse: float, steps: Quantization, axes: int = 3) -> None:
+        """Files that come to `target_mse` in about these steps, the planned ones, of colours that vary along
+        so many axes."""
         self._target_mse = target_mse
         self.steps = steps
-        self._loss = LOSS
+        self._loss = LOSS * axes / 3
         self._margin = CAREFUL
 
     def cost(self, steps: Quantization, energy_a_pixel: float) -> float:

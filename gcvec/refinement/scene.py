@@ -36,12 +36,14 @@ class Terms:
     steps       those of the file: colours are rounded to about these
     max_points  bound of the interior control points of one region, 0: none
     effort      1 to 9, trades time for a smaller file
+    axes        of colour along which the picture varies: 1 where it is grey, else 3
     """
 
     target_mse: float
     steps: Quantization
     max_points: int
     effort: int = Options.effort
+    axes: int = 3
 
 
 @dataclass(frozen=True)

@@ -100,8 +100,8 @@ class Refinement:
     canvas  the mesh with these points
     left    how many rounds are planned after this one, None while nobody knows
     bias    the error that greedy placement expected of the last round over what it was
-    rise    by what share the error rises for each share of the points that is taken out, as the last round
-            that did so has found; 0 before the first
+    rise    by what share the error rises for each share of the points that is taken out, as the first round
+            that did so has found, since later ones find fewer of little use; 0 before it
     lack    how much of the error there is because regions may have no more points: what the others cannot
             make up for, however many points are spent there
     fit     equation (7) on the canvas
@@ -257,7 +257,7 @@ class Refinement:
         placement = self._begun_placement()
         before = placement.error
         placement.thin_out(share)
-        if share:
+        if share and not self.rise:
             self.rise = (placement.error / max(before, 1e-12) - 1) / share
         more = placement.grow(goal, most)
         points, colors, new = placement.result()

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from skimage import data
 
 from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 from gcvec.options import MOST_EFFORT
+from gcvec.quantization import Quantization
 from gcvec.refinement.batch import EFFORTS
+from gcvec.refinement.landing import MOST_SCALE
 from tests.gcvec.scenes import noise
 
 
@@ -57,6 +60,23 @@ def test_points_that_buy_nothing_are_given_back_region_by_region() -> None:
     assert smooth.mse < 8
     assert smooth.points > 100
     assert hard.points < 600
+
+
+def test_steps_are_larger_where_points_are_cheap_though_some_regions_lack_a_few() -> None:
+    """Larger than the last rounding of the planned ones could make them."""
+    pixels = np.ascontiguousarray(data.rocket()[:200, :200])
+    image = vectorize(pixels, None, Options(target_mse=5, max_points=800, regions=20))
+    assert image.quantization.point_step > MOST_SCALE * Quantization.for_error(5).point_step
+    assert image.warnings == ()
+
+
+def test_gray_pictures_take_larger_steps() -> None:
+    """What rounding adds to one axis of colour it does not add to the others."""
+    gray = vectorize(np.repeat(clouds(80, 120, 4)[..., :1], 3, axis=2), None, Options(target_mse=5))
+    colored = vectorize(clouds(80, 120, 4), None, Options(target_mse=5))
+    assert gray.quantization.point_step > 1.4 * colored.quantization.point_step
+    assert gray.report is not None
+    assert gray.report.mse <= 5
 
 
 def test_there_is_something_to_do_at_every_effort() -> None:

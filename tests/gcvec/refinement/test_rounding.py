@@ -134,3 +134,10 @@ def test_where_points_are_cheap_steps_are_those_of_the_fewest_bytes() -> None:
 
 def test_steps_grow_no_further_than_points_can_follow() -> None:
     assert weighed(50.0).steps == STEPS.scaled(COARSEST)
+
+
+def test_gray_pictures_are_expected_to_lose_as_much_to_larger_steps() -> None:
+    gray = Quantization.for_error(TARGET, axes=1)
+    assert gray.point_step == pytest.approx(3**0.5 * STEPS.point_step, rel=0.01)
+    rounding = Rounding(TARGET, gray, axes=1)
+    assert rounding.cost(gray, ENERGY) == pytest.approx(fresh().cost(STEPS, ENERGY), rel=0.01)
