@@ -59,7 +59,7 @@ def hex_color(text: str) -> tuple[float, float, float]:
 
 
 def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Recolor] = ()) -> VectorImage:
-    """The vector image after the moves, all at once, and then the recolours, one after another.
+    """The vector image after the moves, all at once, and then the recolours, the last one of each patch.
 
     `foldovers` of the result counts the triangles that the moves turned over. Raises `InputError`, naming the
     curve, control point or patch, for what does not exist or cannot move.
@@ -69,10 +69,12 @@ def edit(image: VectorImage, moves: Sequence[Move] = (), recolors: Sequence[Reco
     shifts = made_of.shifts.copy() if made_of else np.zeros((len(image.labels), 3), np.int64)
     if moves:
         original = _moved(original, moves)
+    means: dict[int, Floats] = {}
     for number, recolor in enumerate(recolors):
         with pointing_at(f"recolors/{number}"):
-            patch = _checked_patch(image, recolor.patch)
-            shifts[patch] = _shift_towards(original, recolor)
+            means[_checked_patch(image, recolor.patch)] = _checked_color(recolor)
+    for patch, mean in means.items():
+        shifts[patch] = _shift_towards(original, patch, mean)
     return recolored(original, shifts)
 
 
@@ -168,18 +170,15 @@ def _keep_frame_straight(network: Network, foundation: Foundation, control_point
         control_points[own] = straight_line(ends[0], ends[1], curve.segments)
 
 
-def _shift_towards(original: VectorImage, recolor: Recolor) -> Ints:
-    """The shift `(3,)`, in steps, that brings the mean colour of a patch closest to the one asked for.
+def _shift_towards(original: VectorImage, patch: int, mean: Floats) -> Ints:
+    """The shift `(3,)`, in steps, that brings the mean colour of a patch closest to `mean` `(3,)`.
 
     Coordinates sum to one, so colours that are shifted alike shift the patch by as much everywhere; those
     that would leave the gamut stay at its edge, and the others are shifted further.
     """
-    target = np.array(recolor.color, np.float64)
-    if target.shape != (3,) or not ((target >= 0) & (target <= 1)).all():
-        raise InputError(f"patch {recolor.patch} cannot have colour {recolor.color}", code="bad-color")
-    weights, own = _mean_weights(original, recolor.patch)
+    weights, own = _mean_weights(original, patch)
     colors = np.concatenate([original.boundary_colors, original.point_colors])[own]  # as they are shifted
-    return np.array([_shift_to_mean(colors[:, k], weights, target[k]) for k in range(3)])
+    return np.array([_shift_to_mean(colors[:, k], weights, mean[k]) for k in range(3)])
 
 
 def _shift_to_mean(values: Floats, weights: Floats, mean: float) -> int:
@@ -202,6 +201,13 @@ def _patch_canvas(canvas: Canvas, patch: int) -> tuple[Canvas, Ints]:
     blend = Blend(canvas.blend.boundary[free], canvas.blend.points[free][:, points])
     places = canvas.places[kept[part.n_samples :] - mesh.n_samples]
     return Canvas(canvas.foundation, part, blend, places), points
+
+
+def _checked_color(recolor: Recolor) -> Floats:
+    color = np.array(recolor.color, np.float64)
+    if color.shape != (3,) or not ((color >= 0) & (color <= 1)).all():
+        raise InputError(f"patch {recolor.patch} cannot have colour {recolor.color}", code="bad-color")
+    return color
 
 
 def _checked_patch(image: VectorImage, patch: int) -> int:

@@ -30,8 +30,7 @@ BARE = 2.0
 many times the target: seeds would overshoot."""
 
 LITTLE = 0.3
-"""A share of the aim that need not be counted: where regions lack no more, larger steps of colours can be made
-up for."""
+"""A share of the aim: where regions lack no more than that, larger steps of colours can be made up for."""
 
 RETRIES = 4
 """How often points are added again to a picture that no steps bring to its target."""

@@ -202,7 +202,7 @@ def test_a_job_that_misses_its_target_says_so(api: httpx.Client, photo: bytes) -
     job = ended(api, submitted(api, photo, regions=1, target_mse=1, max_points=5))
     assert job["status"] == "succeeded"
     (warning,) = job["warnings"]
-    assert "above the target of 1: 1 of 1 regions hold the 5 control points" in warning
+    assert "above the target of 1: 1 of 1 regions need more than the 5 control points" in warning
     assert api.get(job["links"]["result"]).json()["warnings"] == [warning]
 
 

@@ -222,6 +222,16 @@ def test_recolor_can_be_undone() -> None:
     assert edit(clipped, recolors=[Recolor(1, tuple(before))]).to_bytes() == image.to_bytes()
 
 
+def test_of_many_recolors_of_a_patch_the_last_counts() -> None:
+    image = quarters()
+    colors = [(k / 10_000, 0.3, 0.6) for k in range(10_000)]
+    edited = edit(image, recolors=[Recolor(1, color) for color in colors])
+    assert edited.to_bytes() == edit(image, recolors=[Recolor(1, colors[-1])]).to_bytes()
+    with pytest.raises(InputError) as refusal:
+        edit(image, recolors=[Recolor(1, (2.0, 0.0, 0.0)), Recolor(1, colors[0])])
+    assert refusal.value.pointer == "recolors/0"
+
+
 def test_recolors_through_files_leave_all_other_patches_as_they_were() -> None:
     image = quarters()
     final = image
