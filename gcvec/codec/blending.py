@@ -68,45 +68,41 @@ def lean(points: Ints, near: SmallInts, n: int, i: int, along: Floats, leaning: 
 
 
 @bare_kernel
-def blend(
-    offers: Floats,
-    near: SmallInts,
-    closeness: Ints,
-    total: int,
-    n: int,
-    errors: Floats,
-    i: int,
-    axis: int,
-    sums: Floats,
-) -> float:
-    """The predictions `offers` `(o,)` of a coordinate of point i in one.
-
-    Each has the weight of 1 over the fourth power of how large its square `errors` `(points, 3, o)` have
-    been: at its n neighbours, by their `closeness`, and at the point itself on the axes before. `total` is
-    the weight of the neighbours; `sums` `(o,)` is scratch.
-    """
-    if len(offers) == 1:
-        only: float = offers[0]
-        return only
+def sum_up(near: SmallInts, closeness: Ints, total: int, n: int, errors: Floats, sums: Floats) -> None:
+    """What the square errors of each prediction of each coordinate `(3 o,)` come to at the n neighbours, by
+    their `closeness`, which comes to `total`. `errors` `(points, 3 o)` are those noted so far."""
     sums[:] = _FLOOR + _FLOOR_BY_WEIGHT * total
     for j in range(n):
-        for k in range(len(offers)):
-            sums[k] += closeness[j] * errors[near[j], axis, k]
-    for b in range(axis):
-        for k in range(len(offers)):
-            sums[k] += _OWN * total * errors[i, b, k]
-    blended, weights = 0.0, 0.0
-    for k in range(len(offers)):
-        square = sums[k] * sums[k]
-        weight = 1.0 / (square * square)
-        blended += weight * offers[k]
-        weights += weight
-    return blended / weights
+        for k in range(len(sums)):
+            sums[k] += closeness[j] * errors[near[j], k]
 
 
 @bare_kernel
-def look_back(offers: Floats, found: float, errors: Floats, i: int, axis: int) -> None:
-    """Note the square `errors` of the predictions `offers` of what turned out to be `found`."""
-    for k in range(len(offers)):
-        error = (found - offers[k]) ** 2
-        errors[i, axis, k] = error + _FIRST_AXIS * errors[i, 0, k] if axis > 0 else error
+def blend(offers: Floats, sums: Floats, own: Floats, total: int, axis: int) -> float:
+    """The predictions of a coordinate, among those of all three `(3 o,)`, in one.
+
+    Each has the weight of 1 over the fourth power of its errors: those nearby, `sums` `(3 o,)`, and the
+    point's `own` `(3 o,)` on the axes before, which count by the weight of the neighbours, `total`.
+    """
+    lanes = len(offers) // 3
+    first = axis * lanes
+    blended, weights = 0.0, 0.0
+    for k in range(lanes):
+        error = sums[first + k]
+        for b in range(axis):
+            error += _OWN * total * own[b * lanes + k]
+        square = error * error
+        weight = 1.0 / (square * square)
+        blended += weight * offers[first + k]
+        weights += weight
+    return blended / weights if lanes > 1 else offers[first]
+
+
+@bare_kernel
+def look_back(offers: Floats, found: float, own: Floats, axis: int) -> None:
+    """Note in `own` `(3 o,)` the square errors of a coordinate's predictions, among those of all three
+    `(3 o,)`, now that it has been `found`."""
+    lanes = len(offers) // 3
+    for k in range(lanes):
+        error = (found - offers[axis * lanes + k]) ** 2
+        own[axis * lanes + k] = error + _FIRST_AXIS * own[k] if axis > 0 else error

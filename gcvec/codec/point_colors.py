@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcvec.codec.blending import blend, lean, look_back
+from gcvec.codec.blending import blend, lean, look_back, sum_up
 from gcvec.codec.colors import FRACTION, rounded
 from gcvec.codec.integers import NODES, code_integer, sign, size_class
 from gcvec.codec.mixing import Model, place_contexts
@@ -94,8 +94,8 @@ def code_point_colors(
     """
     width, most, lanes = occupied.shape[1], around.near.shape[1], along.shape[2]
     closeness, leaning = np.zeros(most, np.int64), np.zeros((most, lanes))
-    offers, errors = np.zeros(1 + lanes), np.zeros((len(points), 3, 1 + lanes))
-    sums = np.zeros(1 + lanes)
+    offers, errors = np.zeros(3 * (1 + lanes)), np.zeros((len(points), 3 * (1 + lanes)))
+    sums = np.zeros(3 * (1 + lanes))
     differences = np.zeros(result.shape, np.int64)
     average, activity, spread = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3, np.int64)
     features = np.zeros(_FEATURES + lanes)
@@ -113,13 +113,14 @@ def code_point_colors(
             spread,
         )
         total = _survey(nearby, result, differences)
-        lean(points, nearby.near, nearby.known, i, along, leaning, sums[1:])
+        lean(points, nearby.near, nearby.known, i, along, leaning, sums[:lanes])
+        _make_offers(nearby, result, offers)
+        sum_up(nearby.near, closeness, total, nearby.known, errors, sums)
         x, y = points[i, 0], points[i, 1]
         dense, pattern = min(_count(occupied, x, y) // 3, 15), _pattern(occupied, x, y)
         block = (y >> _BLOCK_BITS) * ((width >> _BLOCK_BITS) + 1) + (x >> _BLOCK_BITS)
         for axis in range(3):
-            _make_offers(nearby, result, axis, offers)
-            blended = blend(offers, nearby.near, closeness, total, nearby.known, errors, i, axis, sums)
+            blended = blend(offers, sums, errors[i], total, axis)
             prediction = _predict(nearby, result, differences, i, axis, offers, blended, gain, features)
             if not rehearses(coder):
                 _choose_sizes(model, axis, nearby, differences[i], block, pattern, dense, patch[i])
@@ -130,7 +131,7 @@ def code_point_colors(
             learn(gain[axis], power[axis], features, difference)
             differences[i, axis] = difference
             result[i, axis] = min(max(prediction + FRACTION * difference, -FURTHEST), FURTHEST)
-            look_back(offers, result[i, axis] / FRACTION, errors, i, axis)
+            look_back(offers, result[i, axis] / FRACTION, errors[i], axis)
 
 
 @bare_kernel
@@ -181,15 +182,17 @@ def _pattern(occupied: NDArray[np.uint8], x: int, y: int) -> int:
 
 
 @bare_kernel
-def _make_offers(nearby: Surroundings, result: Ints, axis: int, offers: Floats) -> None:
-    """Predictions `offers` `(1 + d,)` of one coordinate, in steps: the kriged one, and one for each
+def _make_offers(nearby: Surroundings, result: Ints, offers: Floats) -> None:
+    """Predictions `offers` `(3 o,)` of each coordinate, in steps: the kriged one, and one for each
     direction."""
+    lanes = len(offers) // 3
     offers[:] = 0.0
     for j in range(nearby.known):
-        known = result[nearby.near[j], axis] / FRACTION
-        offers[0] += nearby.share[j] * known
-        for k in range(1, len(offers)):
-            offers[k] += nearby.leaning[j, k - 1] * known
+        for axis in range(3):
+            known, first = result[nearby.near[j], axis] / FRACTION, axis * lanes
+            offers[first] += nearby.share[j] * known
+            for k in range(1, lanes):
+                offers[first + k] += nearby.leaning[j, k - 1] * known
 
 
 @bare_kernel
@@ -224,8 +227,9 @@ def _predict(
         features[5 + b] = differences[i, b]
         features[7 + b] = together / alone * differences[i, b]
         features[9 + b] = (result[i, b] - (result[near[0], b] if n else 0)) / FRACTION
-    for k in range(1, len(offers)):
-        features[_FEATURES + k - 1] = offers[k] - offers[0]
+    lanes = len(offers) // 3
+    for k in range(1, lanes):
+        features[_FEATURES + k - 1] = offers[axis * lanes + k] - offers[axis * lanes]
     prediction: int = nearest_integer((blended + correction(gain[axis], features)) * FRACTION)
     return prediction
 
