@@ -37,6 +37,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=version("gcvec"),
         summary="Photos into vector images made of generalized Coons patches",
         lifespan=_lifespan,
+        docs_url=None,  # those of the framework load scripts from elsewhere
+        redoc_url=None,
         redirect_slashes=False,
         generate_unique_id_function=lambda route: route.name,
     )

@@ -21,11 +21,6 @@ _PAGE: Final = (
     "default-src 'self'; img-src 'self' blob: data:; "
     "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
-_DOCS: Final = (
-    "default-src 'self'; script-src 'unsafe-inline' https://cdn.jsdelivr.net; img-src 'self' data: https:; "
-    "style-src 'unsafe-inline' https://cdn.jsdelivr.net; frame-ancestors 'none'"
-)
-_DOCS_PATHS: Final = ("/docs", "/redoc")
 _POLICIES: Final = {"text/html": _PAGE, "image/svg+xml": _DRAWING}
 
 _ASKED_WITH: Final = [
@@ -78,16 +73,15 @@ class SafeHeaders:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def headed(message: Message) -> None:
             if message["type"] == "http.response.start":
-                _complete(scope["path"], MutableHeaders(scope=message))
+                _complete(MutableHeaders(scope=message))
             await send(message)
 
         await self._app(scope, receive, headed if scope["type"] == "http" else send)
 
 
-def _complete(path: str, headers: MutableHeaders) -> None:
+def _complete(headers: MutableHeaders) -> None:
     media_type = headers.get("content-type", "").partition(";")[0]
-    policy = _DOCS if path in _DOCS_PATHS else _POLICIES.get(media_type, _DATA)
-    headers.setdefault("Content-Security-Policy", policy)
+    headers.setdefault("Content-Security-Policy", _POLICIES.get(media_type, _DATA))
     headers.setdefault("X-Content-Type-Options", "nosniff")
     headers.setdefault("Referrer-Policy", "no-referrer")
     headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")

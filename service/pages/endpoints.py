@@ -46,6 +46,13 @@ async def home() -> FileResponse:
     return FileResponse(STATIC / "index.html", headers=_HEADERS)
 
 
+@router.head("/docs", include_in_schema=False)
+@router.get("/docs", include_in_schema=False)
+async def docs() -> FileResponse:
+    """The page of the interface, which asks for its description itself."""
+    return FileResponse(STATIC / "docs.html", headers=_HEADERS)
+
+
 @router.head("/v1/jobs/{job_id}/view", include_in_schema=False)
 @router.get("/v1/jobs/{job_id}/view", include_in_schema=False)
 async def view(job_id: str) -> FileResponse:
