@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
@@ -14,6 +15,7 @@ from typing import Any, Final, TypeVar
 
 import httpx
 
+from gcvec.cli._files import read
 from gcvec.errors import FailureError, InputError
 from gcvec.progress import OnProgress, Progress
 from worker.fields import known_fields
@@ -62,10 +64,10 @@ class Client:
         self._http.close()
 
     def submit(self, image: Path, annotations: Path | None, options: Mapping[str, Any]) -> dict[str, Any]:
-        """Upload a picture; the job that was made of it."""
-        files = {"image": (image.name, image.read_bytes())}
+        """Upload a picture, from stdin for `-`; the job that was made of it."""
+        files = {"image": (_sent_name(image), read(image))}
         if annotations is not None:
-            files["annotations"] = (annotations.name, annotations.read_bytes())
+            files["annotations"] = (_sent_name(annotations), annotations.read_bytes())
         data = {"options": json.dumps(options)}
         headers = {"Idempotency-Key": uuid.uuid4().hex}  # it is one job, however often it is sent
         lost: tuple[type[Exception], ...] = _BROKEN
@@ -132,6 +134,11 @@ class Client:
                 elif "data" in event:
                     yield event.get("id", ""), event.get("event", "message"), json.loads(event["data"])
                     event = {}
+
+
+def _sent_name(path: Path) -> str:
+    """The name of a file as far as it can be sent: bytes that are no UTF-8 are replaced."""
+    return os.fsencode(path.name).decode(errors="replace")
 
 
 def _patiently(step: Callable[[], T]) -> T:

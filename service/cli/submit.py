@@ -18,7 +18,7 @@ from gcvec.cli._options import (
     EXISTING_FILE,
     ignored_options,
     image_name_option,
-    picture_argument,
+    picture_or_stdin_argument,
     vectorization_options,
 )
 from gcvec.cli._progress import progress_bar
@@ -80,7 +80,7 @@ def _found_again_at(place: str) -> Iterator[None]:
 
 
 @click.command()
-@picture_argument
+@picture_or_stdin_argument
 @click.option(
     "--url", required=True, callback=_checked, help="Where the service runs, e.g. http://127.0.0.1:8000."
 )

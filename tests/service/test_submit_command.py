@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import socket
 import threading
@@ -44,6 +45,10 @@ def annotating(*names: str) -> bytes:
     """Annotations of several pictures."""
     images = (cvat(name).decode().partition("</version>")[2] for name in names)
     return f"<annotations>{''.join(images).replace('</annotations>', '')}</annotations>".encode()
+
+
+def interrupt(_: float) -> NoReturn:
+    raise KeyboardInterrupt
 
 
 def said(capsys: pytest.CaptureFixture[str], url: str, *arguments: str, code: int = 2) -> str:
@@ -138,9 +143,6 @@ def test_folders_tell_images_of_one_name_apart_and_stay_at_home(
     arguments: list[str],
     image_name: str | None,
 ) -> None:
-    def interrupt(_: float) -> NoReturn:
-        raise KeyboardInterrupt
-
     (folder / "all.xml").write_bytes(annotating("train/photo.png", "test/photo.png", "other.png"))
     (folder / "other.png").write_bytes(png())
     for name in ("train", "test"):
@@ -155,6 +157,26 @@ def test_folders_tell_images_of_one_name_apart_and_stay_at_home(
     assert job is not None
     assert job.request["image_name"] == image_name
     assert job.request["picture_name"] == Path(picture).name
+
+
+@pytest.mark.parametrize(("picture", "sent"), [("caf\udce9.png", "caf\ufffd.png"), ("-", "-")])
+def test_a_name_that_is_no_text_and_stdin_are_sent_too(
+    api: httpx.Client,
+    settings: Settings,
+    folder: Path,
+    meanwhile: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+    picture: str,
+    sent: str,
+) -> None:
+    (folder / picture).write_bytes(png())
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(png())))
+    monkeypatch.setattr(JobRepository, "find", nowhere)
+    meanwhile(interrupt)
+    assert run(["submit", picture, "--url", str(api.base_url), "-o", "out"]) == 130
+    job = JobRecords(client_of(settings.broker_url)).get(job_of(settings))
+    assert job is not None
+    assert job.request["picture_name"] == sent
 
 
 def test_folders_that_do_not_tell_images_apart_leave_it_to_the_service(
