@@ -127,11 +127,12 @@ class Settings(BaseSettings):
     @field_validator("api_keys", "cors_origins", "webhook_pauses", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
-        return (
-            tuple(part.strip() for part in value.split(",") if part.strip())
-            if isinstance(value, str)
-            else value
-        )
+        if not isinstance(value, str):
+            return value
+        parts = tuple(part.strip() for part in value.split(",") if part.strip())
+        if value.strip() and not parts:
+            raise ValueError("holds nothing but commas")
+        return parts
 
     @field_validator("api_keys")
     @classmethod

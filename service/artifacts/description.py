@@ -8,7 +8,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Point = Annotated[list[float], Field(min_length=2, max_length=2, description="x, y in pixels")]
 Color = Annotated[
-    list[float], Field(min_length=3, max_length=3, description="red, green, blue: sRGB, 0 to 1")
+    list[float],
+    Field(
+        min_length=3,
+        max_length=3,
+        description="red, green, blue: sRGB, nominally 0 to 1; to be clipped once interpolated",
+    ),
 ]
 Id = Annotated[int, Field(ge=0)]
 
