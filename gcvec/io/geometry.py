@@ -14,7 +14,7 @@ from gcvec.io.rle import Counts
 Ring = NDArray[np.float64]
 
 _FARTHEST = 1e7
-"""Coordinates beyond this are nonsense, not a shape that leaves the picture."""
+"""Coordinates are held within this: so far from the picture it makes no difference where a vertex lies."""
 
 
 def broken(message: str, pointer: str) -> InputError:
@@ -28,7 +28,8 @@ def is_plain(text: str) -> bool:
 
 
 def ring_from(values: Sequence[object], pointer: str) -> Ring:
-    """A ring `(n, 2)` from x, y, x, y …; raises `InputError` on anything but pairs of finite numbers."""
+    """A ring `(n, 2)` from x, y, x, y …, held within `_FARTHEST`; raises `InputError` on anything but pairs
+    of finite numbers."""
     for value in values:
         if isinstance(value, bool) or (isinstance(value, str) and not is_plain(value)):
             raise broken(f"its coordinates are not numbers: {value!r}", pointer)
@@ -38,9 +39,9 @@ def ring_from(values: Sequence[object], pointer: str) -> Ring:
         raise broken("its coordinates are not numbers", pointer) from error
     if flat.ndim != 1 or len(flat) % 2:
         raise broken("its coordinates are not pairs of x and y", pointer)
-    if not (np.abs(flat) <= _FARTHEST).all():
-        raise broken("a coordinate is not finite or far out of range", pointer)
-    return flat.reshape(-1, 2)
+    if not np.isfinite(flat).all():
+        raise broken("a coordinate is not finite", pointer)
+    return np.clip(flat, -_FARTHEST, _FARTHEST).reshape(-1, 2)
 
 
 def finite(value: object, pointer: str) -> float:

@@ -149,7 +149,6 @@ def test_the_image_is_chosen_by_name_and_its_annotations_by_id() -> None:
         {"segmentation": [[1, "\u0661", 5, 5, 1, 9]]},
         {"bbox": [1, 2, 3, "1_0"]},
         {"segmentation": [[[1, 2], [3, 4]]]},
-        {"segmentation": [[1, 1e300, 2, 3]]},
         {"segmentation": [[1, 10**400, 2, 3]]},
         {"segmentation": {"size": [40, 60]}},
         {"segmentation": {"size": [60, 40], "counts": [2400]}},

@@ -244,7 +244,7 @@ def test_only_the_chosen_image_is_read() -> None:
         '<polygon points="1,2;3,4;5,6" z_order="\u0661"/>',
         '<box xtl="1" ytl="1" xbr="\u0669" ybr="5"/>',
         '<polygon points="1,2;3,inf;5,6"/>',
-        '<polygon points="1,2;3,1e300;5,6"/>',
+        '<polygon points="1,2;3,1e400;5,6"/>',
         '<polygon points="1,2;3,4;5,6" z_order="top"/>',
         '<box xtl="1" ytl="1" xbr="5"/>',
         '<box xtl="1" ytl="1" xbr="5" ybr="nan"/>',
