@@ -10,6 +10,8 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from gcvec.errors import InputError
+from gcvec.hex_color import rgb_from_hex
 from gcvec.options import MOST_EFFORT, Options, without_effect
 
 Function = Callable[..., Any]
@@ -63,9 +65,21 @@ image_name_option = click.option(
     help="The picture's name in the annotations; default: the file's own name, "
     "beside folders where several have it, else the only one.",
 )
+
+
+def _checked_matte(_context: click.Context, _parameter: click.Parameter, matte: str) -> str:
+    """A colour, wherever it comes from: click names the option and the variable."""
+    try:
+        rgb_from_hex(matte, "matte")
+    except InputError as error:
+        raise click.BadParameter(str(error)) from None
+    return matte
+
+
 matte_option = click.option(
     "--matte",
     default="#ffffff",
+    callback=_checked_matte,
     metavar="#RRGGBB",
     envvar="GCVEC_MATTE",
     show_envvar=True,

@@ -52,7 +52,9 @@ def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
         if annotations is not None and (place == "/annotations" or not place.startswith("/")):
             pointer = None if place.startswith("/") else place
             raise InputError(f"{annotations}: {error}", code=error.code, pointer=pointer) from error
-        raise InputError(f"{url}: {error}", code=error.code, pointer=error.pointer) from error
+        why = "the service asks for a key that it knows: --key or GCVEC_API_KEY"
+        said = why if error.code == "unauthorized" else error
+        raise InputError(f"{url}: {said}", code=error.code, pointer=error.pointer) from error
     except (HTTPError, FailureError) as error:
         raise FailureError(f"{url}: {error}") from error
 

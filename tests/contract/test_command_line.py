@@ -237,7 +237,7 @@ def test_progress_bars_are_for_terminals(folder: Path, tmp_path: Path) -> None:
         (("vectorize", "photo.png", "-a", "broken.xml", "-o", "a.gcv"), "broken.xml"),
         (("vectorize", "photo.png", "-o", "nowhere/a.gcv"), "nowhere"),
         (("vectorize", "photo.png", "-o", "a.gcv", "--target-mse", "-1"), "target_mse"),
-        (("vectorize", "photo.png", "-o", "a.gcv", "--matte", "white"), "white"),
+        (("vectorize", "photo.png", "-o", "a.gcv", "--matte", "white"), "GCVEC_MATTE"),
         (("render", "notes.txt", "-o", "a.png"), "notes.txt"),
         (("render", "photo.gcv", "-o", "a.bmp"), "a.bmp"),
         (("compare", "photo.png", "notes.txt"), "notes.txt"),

@@ -98,6 +98,16 @@ def test_another_program_at_the_address_is_no_service(
         assert said(capsys, url, "photo.png") == f"gcvec: {url}: no gcvec service answers there (HTTP 404)"
 
 
+@pytest.mark.parametrize("arguments", [[], ["--key", "wrong-" * 4]])
+def test_a_service_that_asks_for_a_key(
+    broker_url: str, folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    settings = Settings(broker_url=broker_url, data_dir=folder / "data", api_keys=("right-" * 4,))
+    with serving(settings) as api:
+        line = said(capsys, str(api.base_url), "photo.png", *arguments)
+    assert line.endswith(": the service asks for a key that it knows: --key or GCVEC_API_KEY")
+
+
 @pytest.mark.parametrize("url", ["foo", "127.0.0.1:8000", "ftp://127.0.0.1", "http://", "http://[::1"])
 def test_an_address_that_is_none_is_bad_input(
     folder: Path, capsys: pytest.CaptureFixture[str], url: str
