@@ -14,13 +14,12 @@ from examples.scenes import balls, vectorized_balls
 from gcvec import raster
 from gcvec.colors.boundary_color import color_samples, fit_boundary_colors
 from gcvec.patches.canonical import Canvas, lay_canvas
-from gcvec.quantization import Quantization
 from gcvec.refinement.paper import worst_pixels
 from gcvec.refinement.scene import Scene, Terms
 from gcvec.timing import StageClock
 from gcvec.vector_image import to_8_bit
 
-TERMS = Terms(target_mse=20.0, steps=Quantization(), max_points=0)
+TERMS = Terms(target_mse=20.0, max_points=0)
 
 
 def main() -> dict[str, float]:

@@ -25,7 +25,6 @@ from gcvec.parts.crew import Crew, refine_by
 from gcvec.patches.canonical import lay_unfolded_foundation
 from gcvec.photo import require_photo
 from gcvec.progress import BEFORE_RUNS, OnProgress, Teller
-from gcvec.quantization import Quantization
 from gcvec.refinement.batch import exchanges, refine_batch
 from gcvec.refinement.scene import Scene, Terms
 from gcvec.refinement.to_bytes import CLOSE, USUAL_MSE, likely_mse, refine_to_bytes
@@ -181,8 +180,7 @@ def _refined(scene: Scene, options: Options, crew: Crew | None, clock: StageCloc
     """A scene refined to the target error of the options."""
     batch = options.strategy == "batch"
     axes = 1 if _is_gray(scene.pixels) else 3
-    steps = Quantization.for_error(options.target_mse, axes)
-    terms = Terms(options.target_mse, steps, options.max_points, options.effort, axes)
+    terms = Terms(options.target_mse, options.max_points, options.effort, axes)
     tell.run(
         terms.target_mse,
         exchanges=batch and bool(exchanges(terms.effort, 0)),

@@ -20,6 +20,7 @@ from gcvec.quantization import Quantization
 
 if TYPE_CHECKING:
     from gcvec.codec.neighborhoods import Neighborhoods
+    from gcvec.codec.strides import Strides
     from gcvec.metrics import Report
     from gcvec.recoloring import Recoloring
 
@@ -113,6 +114,13 @@ class VectorImage:
 
         return neighborhoods(self.points, self.patch_of_points, self.height, self.width)
 
+    @cached_property
+    def strides(self) -> Strides:
+        """How coarsely its file stores each colour."""
+        from gcvec.codec.strides import strides
+
+        return strides(self.canvas)
+
     @property
     def patch_of_points(self) -> Ints:
         """`(n,)` patch of every interior control point."""
@@ -182,7 +190,7 @@ class VectorImage:
     def in_steps(self, steps: Quantization) -> VectorImage:
         """This image, to be stored in other steps."""
         image = replace(self, quantization=steps).knowing(self.canvas)
-        image.__dict__["neighborhoods"] = self.neighborhoods
+        image.__dict__.update(neighborhoods=self.neighborhoods, strides=self.strides)
         return image
 
     @classmethod

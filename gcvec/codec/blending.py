@@ -43,8 +43,7 @@ def _weights() -> Floats:
 
 
 ALONG = _weights()
-NOT_ALONG = ALONG[..., :0].copy()
-"""The weights of points in the averages along all directions, and along none."""
+"""The weights of points in the averages along all directions."""
 
 
 @bare_kernel

@@ -36,6 +36,8 @@ def code_boundary_colors(
     patch: Ints,
     twin: Ints,
     n_patches: int,
+    strides: Ints,
+    first_stride: int,
     wanted: Floats,
     result: Ints,
 ) -> None:
@@ -43,8 +45,9 @@ def code_boundary_colors(
 
     Either way `result` `(b, 3)` becomes what a decoder sees, in sixteenths of a step. `unknowns` are those of
     all curve sides one after another, side s from `starts[s]` on, with `patch[s]` beside it; `twin[s]` is the
-    other side of its curve if that came before, else -1. A colour is predicted by the one before along the
-    curve, the first by the last one known at the same patch.
+    other side of its curve if that came before, else -1; `strides` `(b,)` are what differences of each
+    unknown count by, but at most by `first_stride` for the first of a patch. A colour is predicted by the one
+    before along the curve, the first by the last one known at the same patch.
     """
     known, met = np.zeros(len(result), np.bool_), np.zeros(n_patches, np.bool_)
     last = np.zeros((n_patches, 3), np.int64)
@@ -54,12 +57,13 @@ def code_boundary_colors(
     for side in range(len(starts) - 1):
         own = patch[side]
         before[:], change[:], earlier[:] = last[own], 0, 0
-        differences_before[:] = _UNKNOWN_DIFFERENCE
+        differences_before[:] = _UNKNOWN_DIFFERENCE * strides[unknowns[starts[side]]]
         end = unknowns[starts[side + 1] - 1]
         for i in range(starts[side], starts[side + 1]):
             unknown, at = unknowns[i], i - starts[side]
             if not known[unknown]:
                 place = min(at + 1, 3) if at > 0 else 1 if met[own] else 0
+                stride = strides[unknown] if place > 0 else min(strides[unknown], first_stride)
                 across = starts[twin[side]] + at if twin[side] >= 0 and at > 0 else 0
                 for axis in range(3):
                     features[:] = 0.0
@@ -72,19 +76,18 @@ def code_boundary_colors(
                         other = result[unknowns[across], axis] - result[unknowns[across - 1], axis]
                     features[3] = other / FRACTION
                     for b in range(axis):
-                        features[4 + b] = differences[b]
+                        features[4 + b] = differences[b] / FRACTION
                     prediction = before[axis] + nearest_integer(correction(gain[axis], features) * FRACTION)
                     turn = 3 * sign(before[axis] + change[axis] - prediction) + sign(other)
-                    _choose_contexts(model, axis, place, own, differences, differences_before, turn)
-                    offer = rounded(
-                        wanted[unknown, axis] - prediction / FRACTION, abs(differences_before[axis])
-                    )
+                    _choose_contexts(model, axis, place, own, stride, differences, differences_before, turn)
+                    missing = (FRACTION * wanted[unknown, axis] - prediction) / stride
+                    offer = rounded(missing, abs(differences_before[axis]) / stride)
                     difference = code_integer(
                         coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, axis * NODES, offer
                     )
-                    learn(gain[axis], power[axis], features, difference)
-                    differences[axis] = difference
-                    result[unknown, axis] = min(max(prediction + FRACTION * difference, -FURTHEST), FURTHEST)
+                    differences[axis] = stride * difference
+                    learn(gain[axis], power[axis], features, differences[axis] / FRACTION)
+                    result[unknown, axis] = min(max(prediction + differences[axis], -FURTHEST), FURTHEST)
                 differences_before[:] = differences
                 known[unknown] = True
             met[own] = True
@@ -97,20 +100,30 @@ def code_boundary_colors(
 
 @bare_kernel
 def _choose_contexts(
-    model: Model, axis: int, place: int, patch: int, differences: Ints, differences_before: Ints, turn: int
+    model: Model,
+    axis: int,
+    place: int,
+    patch: int,
+    stride: int,
+    differences: Ints,
+    differences_before: Ints,
+    turn: int,
 ) -> None:
     """Choose the contexts of one coordinate: four for the size of its difference, two for the sign.
 
-    `differences` are those on the axes before, `differences_before` those of the colour before.
+    `differences` are those on the axes before, `differences_before` those of the colour before; what counts
+    is how many times the `stride` they are.
     """
     sizes, signs = 0, 0
     for b in range(axis):
-        sizes = abs(differences[b]) + sizes // 2
+        sizes = abs(differences[b]) // stride + sizes // 2
         signs += (3 if b == 0 else 1) * sign(differences[b])
     sizes = min(size_class(sizes), 11)
-    whole = abs(differences_before[0]) + abs(differences_before[1]) + abs(differences_before[2])
+    whole = 0
+    for b in range(3):
+        whole += abs(differences_before[b]) // stride
     slots = model.slots
-    slots[0] = min(size_class(2 * abs(differences_before[axis])), 15) * 4 + place
+    slots[0] = min(size_class(2 * (abs(differences_before[axis]) // stride)), 15) * 4 + place
     slots[1] = min(size_class(whole), 15) * 12 + sizes
     slots[2] = sizes * 4 + place
     slots[3] = min(patch, 63) * 4 + place

@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 
 from gcvec.borders.planar_graph import OUTSIDE
 from gcvec.codec import limits, range_coder
-from gcvec.codec.blending import ALONG, NOT_ALONG
+from gcvec.codec.blending import ALONG
 from gcvec.codec.boundary_colors import (
     BOUNDARY_COUNTERS,
     BOUNDARY_INPUTS,
     BOUNDARY_ROWS,
     code_boundary_colors,
 )
-from gcvec.codec.colors import from_coordinates, to_coordinates
+from gcvec.codec.colors import FRACTION, from_coordinates, to_coordinates
+from gcvec.codec.former import FORMER_NEIGHBORS, NOT_ALONG, even_strides, former_crowds
 from gcvec.codec.geometry import GEOMETRY_COUNTERS, GEOMETRY_INPUTS, GEOMETRY_ROWS, code_geometry
 from gcvec.codec.integers import LONGEST, SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
 from gcvec.codec.limits import control_counts, demand, shortest_stream
@@ -38,6 +39,7 @@ from gcvec.codec.point_colors import (
     code_point_colors,
 )
 from gcvec.codec.range_coder import Coder
+from gcvec.codec.strides import COARSEST_STRIDE, FIRST_STRIDE, crowds_by_stride
 from gcvec.codec.text import TEXT_COUNTERS, TEXT_INPUTS, TEXT_ROWS, code_text
 from gcvec.codec.topology import (
     END,
@@ -66,16 +68,16 @@ GRAY = 0.5
 """The colour that boundary colours are differences from."""
 
 MAGIC = b"GCV"
-VERSION = 6
-READABLE = 2, 3, 4, 5, VERSION
+VERSION = 7
+READABLE = 2, 3, 4, 5, 6, VERSION
 """Older files hold the same; before 5 they were drawn a little differently."""
 
-FIRST_RECOLORED, FINE_STEPS, FIRST_BLENDED = 4, 5, 6
-"""The first versions whose files may hold recolours, count steps of colours in units of a quarter, and blend
-predictions of interior colours."""
+FIRST_RECOLORED, FIRST_BLENDED, FIRST_WEIGHED = 4, 6, 7
+"""The first versions whose files may hold recolours, blend predictions of interior colours, and store colours
+the coarser the less of the picture is theirs."""
 
-FORMER_NEIGHBORS = 6
-"""So many points told a colour before."""
+STEP_UNITS = {2: 16, 3: 16, 4: 16, 5: 4, 6: 4, VERSION: 1}
+"""What a step of colours counts in, by version, in the smallest units."""
 
 MOVED, RECOLORED = 1, 2
 """Edits of a picture, as the header names them."""
@@ -111,7 +113,7 @@ def rounded_colors(image: VectorImage) -> tuple[Floats, Floats]:
     recoloured patches; the file is not made."""
     coder, steps = range_coder.rehearser(), image.quantization
     boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
-    _code_boundary(coder, image.foundation, steps, boundary_colors)
+    _code_boundary(coder, image.foundation, steps, image.strides.boundary, boundary_colors)
     _code_points(coder, image, _bitmap(image), boundary_colors, point_colors)
     return boundary_colors, point_colors
 
@@ -134,7 +136,7 @@ def decode(data: bytes) -> VectorImage:
     coder = range_coder.reader(data[8:])
     try:
         return _read(coder, data[3], len(data) - 8)
-    except (ValueError, IndexError, RuntimeError, OverflowError) as problem:
+    except (ValueError, IndexError, RuntimeError, ArithmeticError) as problem:
         raise InputError(f"the file is damaged: {problem}", code="broken-gcv") from problem
 
 
@@ -165,9 +167,9 @@ def _write(
     _code_positions(coder, curves, table, steps, reference)
     if image.control_points is not None:
         _code_positions(coder, curves, table, steps, image.control_points.copy())
-    _code_boundary(coder, image.foundation, steps, boundary_colors)
     occupied = _bitmap(image)
     _code_occupancy(coder, occupied)
+    _code_boundary(coder, image.foundation, steps, image.strides.boundary, boundary_colors)
     _code_points(coder, image, occupied, boundary_colors, point_colors)
     if shifts is not None:
         _code_shifts(coder, shifts)
@@ -187,7 +189,7 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     _code_sizes(coder, sizes)
     width, height, n_nodes, n_curves, n_patches = (int(n) for n in sizes[:5])
     position_bits, *color_steps = (int(n) for n in sizes[5:8])
-    steps = Quantization(position_bits, *(step * (1 if version >= FINE_STEPS else 4) for step in color_steps))
+    steps = Quantization(position_bits, *(step * STEP_UNITS[version] for step in color_steps))
     edits = int(sizes[8])
     demand(0 <= edits <= MOVED + (RECOLORED if version >= FIRST_RECOLORED else 0), "unknown edits")
     limits.check_sizes(width, height, n_nodes, n_curves, n_patches, length)
@@ -204,8 +206,10 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     foundation = lay_foundation(network, hard, moved)
     demand(_fills_frame(foundation), "curves that do not fit together")
     boundary_colors = np.zeros((foundation.space.size, 3))
-    _code_boundary(coder, foundation, steps, boundary_colors)
-    _check_whole(coder)
+    if version < FIRST_WEIGHED:
+        whole = even_strides(foundation.space.size, 0).boundary
+        _code_boundary(coder, foundation, steps, whole, boundary_colors, FRACTION)
+        _check_whole(coder)
     occupied = np.zeros((height, width), np.uint8)
     _code_occupancy(coder, occupied)
     _check_whole(coder)
@@ -218,8 +222,13 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     point_colors = np.zeros((len(points), 3))
     image = VectorImage(network, hard, boundary_colors, points, point_colors, labels, steps, moved)
     image = image.knowing(canvas)
+    if version >= FIRST_WEIGHED:
+        _code_boundary(coder, foundation, steps, image.strides.boundary, boundary_colors)
     _code_points(coder, image, occupied, boundary_colors, point_colors, version)
     _check_whole(coder)
+    if version < FIRST_WEIGHED:
+        # No colour is to become coarser in the file of an edited picture.
+        image = image.in_steps(steps.scaled(FRACTION / COARSEST_STRIDE))
     if not edits & RECOLORED:
         return image
     shifts = np.zeros((n_patches, 3), np.int64)
@@ -342,7 +351,14 @@ def _network(
     return Network(width, height, n_nodes, curves, network_loops(curves, n_patches))
 
 
-def _code_boundary(coder: Coder, foundation: Foundation, steps: Quantization, colors: Floats) -> None:
+def _code_boundary(
+    coder: Coder,
+    foundation: Foundation,
+    steps: Quantization,
+    strides: Ints,
+    colors: Floats,
+    first_stride: int = FIRST_STRIDE,
+) -> None:
     """Write the boundary colours, or read them; either way `colors` becomes what a decoder sees."""
     offsets, unknown = foundation.samples.offsets, foundation.space.of_control
     sides: list[tuple[Ints, int, int]] = []
@@ -362,6 +378,8 @@ def _code_boundary(coder: Coder, foundation: Foundation, steps: Quantization, co
         np.array(patches),
         np.array(twins),
         len(foundation.network.loops),
+        strides,
+        first_stride,
         to_coordinates(colors - GRAY, steps.boundary),
         coordinates,
     )
@@ -386,6 +404,10 @@ def _code_points(
     else:
         around = neighborhoods(image.points, patch, image.height, image.width, FORMER_NEIGHBORS)
         along = NOT_ALONG
+    if version >= FIRST_WEIGHED:
+        strides, crowds = image.strides.points, crowds_by_stride(image.strides.points)
+    else:
+        strides, crowds = even_strides(0, len(image.points)).points, former_crowds(image.points, occupied)
     code_point_colors(
         coder,
         fresh_model(POINT_COUNTERS, POINT_ROWS, POINT_INPUTS),
@@ -394,6 +416,8 @@ def _code_points(
         occupied,
         around,
         along,
+        strides,
+        crowds,
         to_coordinates(colors - base, step),
         coordinates,
     )

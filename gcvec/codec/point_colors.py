@@ -1,9 +1,10 @@
 """Colours of interior control points, predicted by those above and to the left.
 
 Everything is a difference from what the boundary alone gives at a point, along the axes of the basis, in
-sixteenths of a step. Predictions from the nearest known points of the patch, as they are and along several
-directions, are blended and corrected by a linear model that learns what they miss. How large a difference may
-be, and of which sign, is told by the differences nearby, and by those of the axes before.
+sixteenths of a step; what is left of a prediction is stored in the point's own strides. Predictions from the
+nearest known points of the patch, as they are and along several directions, are blended and corrected by a
+linear model that learns what they miss. How large a difference may be, and of which sign, is told by the
+differences nearby, and by those of the axes before.
 """
 
 from __future__ import annotations
@@ -35,9 +36,6 @@ _BASE_WEIGHT = 455
 _UNKNOWN_ACTIVITY = 16
 """How much colours are taken to change nearby where no neighbour is known yet."""
 
-_DENSE_REACH = 3
-"""Points within so many rows and columns tell how dense they are."""
-
 _BLOCK_BITS = 5
 """Blocks of 32 x 32 pixels are told apart, as far as there are contexts for them."""
 
@@ -59,8 +57,8 @@ class Surroundings(NamedTuple):
     leaning    (m, d) float64, their weights in the averages along each direction
     closeness  (m,) int64, 2^16 over their square distances
     average    (3,) int64, of their coordinates by closeness, in sixteenths of a step
-    activity   (3,) int64, how far they are from their own predictions, in quarters of a step
-    spread     (3,) int64, how far they are from their average, in quarters of a step
+    activity   (3,) int64, how far they are from their own predictions, in quarters of its own step
+    spread     (3,) int64, how far they are from their average, in quarters of its own step
     """
 
     known: int
@@ -83,14 +81,17 @@ def code_point_colors(
     occupied: NDArray[np.uint8],
     around: Neighborhoods,
     along: Floats,
+    strides: Ints,
+    crowds: Ints,
     wanted: Floats,
     result: Ints,
 ) -> None:
     """Write the coordinates `wanted` `(n, 3)`, in steps, of points `(n, 2)` by rows, or read them.
 
     Either way `result` `(n, 3)` becomes what a decoder sees, in sixteenths of a step. `patch` `(n,)` is the
-    points' own, `occupied` `(h, w)` their bitmap, `around` their neighbourhoods, and `along` the weights
-    of points in averages along d directions.
+    points' own, `occupied` `(h, w)` their bitmap, `around` their neighbourhoods, `along` the weights of
+    points in averages along d directions, `strides` `(n,)` what differences count by, and `crowds` `(n,)`,
+    0 to 31, says how dense points are around each.
     """
     width, most, lanes = occupied.shape[1], around.near.shape[1], along.shape[2]
     closeness, leaning = np.zeros(most, np.int64), np.zeros((most, lanes))
@@ -112,31 +113,35 @@ def code_point_colors(
             activity,
             spread,
         )
-        total = _survey(nearby, result, differences)
+        stride = strides[i]
+        total = _survey(nearby, result, differences, stride)
         lean(points, nearby.near, nearby.known, i, along, leaning, sums[:lanes])
         _make_offers(nearby, result, offers)
         sum_up(nearby.near, closeness, total, nearby.known, errors, sums)
         x, y = points[i, 0], points[i, 1]
-        dense, pattern = min(_count(occupied, x, y) // 3, 15), _pattern(occupied, x, y)
+        pattern = _pattern(occupied, x, y)
         block = (y >> _BLOCK_BITS) * ((width >> _BLOCK_BITS) + 1) + (x >> _BLOCK_BITS)
         for axis in range(3):
             blended = blend(offers, sums, errors[i], total, axis)
             prediction = _predict(nearby, result, differences, i, axis, offers, blended, gain, features)
             if not rehearses(coder):
-                _choose_sizes(model, axis, nearby, differences[i], block, pattern, dense, patch[i])
-                _choose_signs(model, axis, nearby, result, differences, i, patch[i], prediction)
+                _choose_sizes(
+                    model, axis, nearby, differences[i], stride, block, pattern, crowds[i], patch[i]
+                )
+                _choose_signs(model, axis, nearby, result, differences, i, stride, patch[i], prediction)
             row = axis * _AXIS_ROWS + min(size_class(activity[axis]) >> 2, _SELECTORS - 1) * NODES
-            offer = rounded(wanted[i, axis] - prediction / FRACTION, activity[axis] / 4)
+            offer = rounded((FRACTION * wanted[i, axis] - prediction) / stride, activity[axis] / 4)
             difference = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, row, offer)
-            learn(gain[axis], power[axis], features, difference)
-            differences[i, axis] = difference
-            result[i, axis] = min(max(prediction + FRACTION * difference, -FURTHEST), FURTHEST)
+            differences[i, axis] = stride * difference
+            learn(gain[axis], power[axis], features, differences[i, axis] / FRACTION)
+            result[i, axis] = min(max(prediction + differences[i, axis], -FURTHEST), FURTHEST)
             look_back(offers, result[i, axis] / FRACTION, errors[i], axis)
 
 
 @bare_kernel
-def _survey(nearby: Surroundings, result: Ints, differences: Ints) -> int:
-    """Find out, for every axis, what the neighbours are like. Returns how much they weigh by closeness."""
+def _survey(nearby: Surroundings, result: Ints, differences: Ints, stride: int) -> int:
+    """Find out, for every axis, what the neighbours of a point of this stride are like. Returns how much they
+    weigh by closeness."""
     near, closeness = nearby.near, nearby.closeness
     total = _BASE_WEIGHT
     for k in range(nearby.known):
@@ -151,19 +156,8 @@ def _survey(nearby: Surroundings, result: Ints, differences: Ints) -> int:
         for k in range(nearby.known):
             away += closeness[k] * abs(result[near[k], axis] - average)
         nearby.average[axis] = average
-        nearby.activity[axis] = 4 * surprise // total if nearby.known else _UNKNOWN_ACTIVITY
-        nearby.spread[axis] = away // (total * (FRACTION // 4))
-    return total
-
-
-@bare_kernel
-def _count(occupied: NDArray[np.uint8], x: int, y: int) -> int:
-    """How many of the pixels around (x, y), of 7 x 7, are control points, known or to come."""
-    height, width = occupied.shape
-    total = 0
-    for row in range(max(y - _DENSE_REACH, 0), min(y + _DENSE_REACH + 1, height)):
-        for column in range(max(x - _DENSE_REACH, 0), min(x + _DENSE_REACH + 1, width)):
-            total += occupied[row, column]
+        nearby.activity[axis] = 4 * surprise // (total * stride) if nearby.known else _UNKNOWN_ACTIVITY
+        nearby.spread[axis] = 4 * away // (total * stride)
     return total
 
 
@@ -214,18 +208,18 @@ def _predict(
     if n > 0:
         features[0] = result[near[0], axis] / FRACTION - blended
         features[1] = nearby.average[axis] / FRACTION - blended
-        features[2] = differences[near[0], axis]
+        features[2] = differences[near[0], axis] / FRACTION
         features[3] = blended / _BLENDED_SCALE
     if n > 1:
-        features[4] = differences[near[1], axis]
+        features[4] = differences[near[1], axis] / FRACTION
     for b in range(axis):
         # What axis b was off by, as it is, as it went along with this axis nearby, and as a slope.
-        together, alone = 0, FRACTION
+        together, alone = 0, FRACTION**3
         for k in range(n):
             together += closeness[k] * differences[near[k], b] * differences[near[k], axis]
             alone += closeness[k] * differences[near[k], b] ** 2
-        features[5 + b] = differences[i, b]
-        features[7 + b] = together / alone * differences[i, b]
+        features[5 + b] = differences[i, b] / FRACTION
+        features[7 + b] = together / alone * differences[i, b] / FRACTION
         features[9 + b] = (result[i, b] - (result[near[0], b] if n else 0)) / FRACTION
     lanes = len(offers) // 3
     for k in range(1, lanes):
@@ -240,15 +234,16 @@ def _choose_sizes(
     axis: int,
     nearby: Surroundings,
     own: Ints,
+    stride: int,
     block: int,
     pattern: int,
-    dense: int,
+    crowd: int,
     patch: int,
 ) -> None:
     """Choose the contexts for the size of a difference; `own` are the point's on the axes before."""
     before = 0
     for b in range(axis):
-        before = abs(own[b]) + before // 2
+        before = abs(own[b]) // stride + before // 2
     before = min(size_class(4 * before) >> 1, 11)
     activity = nearby.activity
     whole = min(size_class(activity[0] + activity[1] + activity[2]) >> 1, 15)
@@ -258,7 +253,7 @@ def _choose_sizes(
     slots[1] = whole * 12 + before
     slots[2] = min(size_class(nearby.spread[axis]), 27) * 16 + distance
     slots[3] = pattern
-    slots[4] = dense * 16 + distance
+    slots[4] = crowd * 16 + distance
     slots[5] = min(patch, 63) * 6 + before // 2
     place_contexts(model, axis * _AXIS_COUNTERS, 0, _SIZE_CONTEXTS, _CONTEXT_SIZE, NODES)
 
@@ -271,6 +266,7 @@ def _choose_signs(
     result: Ints,
     differences: Ints,
     i: int,
+    stride: int,
     patch: int,
     prediction: int,
 ) -> None:
@@ -283,7 +279,7 @@ def _choose_signs(
     for b in range(axis):
         own += (3 if b == 0 else 1) * sign(differences[i, b])
     slots = model.slots
-    slots[6] = (256 if beyond > 0 else 0) + min(size_class(abs(beyond) >> 2), 255)
+    slots[6] = (256 if beyond > 0 else 0) + min(size_class(4 * abs(beyond) // stride), 255)
     slots[7] = (3 * sign(first) + sign(second)) * 9 + own
     slots[8] = min(patch, 54) * 9 + own
     last = _SIZE_CONTEXTS + _SIGN_CONTEXTS

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gcvec.colors.least_squares import NormalEquations, energies, from_pixels, misfit
+from gcvec.colors.least_squares import NormalEquations, from_pixels, misfit
 from gcvec.patches.canonical import Canvas
 from gcvec.raster.coverage import Coverage
 
@@ -24,11 +23,6 @@ class ColorFit:
     operator: sparse.csr_array
     design: sparse.csr_array
     target: Floats
-
-    @cached_property
-    def energy(self) -> Floats:
-        """Squared sum over the pixels of what each colour on the mesh gives to them."""
-        return energies(self.design)
 
     @classmethod
     def to(cls, operator: sparse.csr_array, design: sparse.csr_array, truth: NDArray[np.float32]) -> ColorFit:

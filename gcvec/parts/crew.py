@@ -14,7 +14,7 @@ from gcvec.parts.division import divided, part_of
 from gcvec.parts.goals import common_goals
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.parts.shared import shared_pixels
-from gcvec.refinement.batch import exchanges
+from gcvec.refinement.batch import LITTLE, exchanges
 from gcvec.refinement.draft import by_rows
 from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
@@ -25,9 +25,6 @@ Floats = NDArray[np.float64]
 FIRST_GOAL = 1.5
 """The first round ends, in parts that come so far, with this many times the error that the picture aims at:
 no part has then more points than it will need."""
-
-USUAL_ENERGY = 0.5
-"""Of colours in a pixel (`Refinement.energy_a_pixel`), until parts tell theirs."""
 
 SHARED_ERROR = 3.0
 """In pixels that parts share the mean error comes to about this many times that of the picture: it is larger
@@ -65,7 +62,7 @@ def refine_by(crew: Crew, scene: Scene, terms: Terms, on_iteration: Callable[[It
             break
     shares = exchanges(terms.effort, rounds.n_points)
     if shares:
-        rounds.run(shares, rounds.goals())
+        rounds.run(shares, rounds.goals(), left=0)
     return rounds.merged()
 
 
@@ -109,9 +106,7 @@ class _Rounds:
     @property
     def fair_aim(self) -> float:
         """The mean squared error to aim at (0-255 scale)."""
-        n = self._pixels.size / 3
-        energy_a_pixel = sum(state.total_energy for state in self._states) / n if self._done else USUAL_ENERGY
-        return Rounding(self._terms.target_mse, self._terms.steps, self._terms.axes).aim(energy_a_pixel)
+        return Rounding(self._terms.target_mse, self._terms.axes).aim
 
     @property
     def aim(self) -> float:
@@ -128,9 +123,17 @@ class _Rounds:
         usual = SHARED_ERROR * self.fair_aim * self._shared.n * 3 / PEAK_SQUARE
         return common_goals(self._states, self.aim - min(self._shared.excess, usual))
 
-    def run(self, shares: tuple[float, ...], goals: Floats) -> None:
-        """Have all parts refined once more."""
-        fair_aim = self.fair_aim
+    @property
+    def rise(self) -> float:
+        """See `Refinement`: of all parts together, 0 where points are lacking, which are not cheap then."""
+        if sum(state.lack for state in self._states) > LITTLE * self.aim:
+            return 0.0
+        squares = np.array([state.square for state in self._states])
+        rises = np.array([state.rise for state in self._states])
+        return float((squares * rises).sum() / max(squares.sum(), 1e-12))
+
+    def run(self, shares: tuple[float, ...], goals: Floats, left: int | None = None) -> None:
+        """Have all parts refined once more; after that so many rounds are `left`, None while nobody knows."""
         requests = [
             PartRequest(
                 number=state.number,
@@ -140,7 +143,8 @@ class _Rounds:
                 prior=self._prior[part.colors],
                 points=state.points,
                 colors=state.colors,
-                fair_aim=fair_aim,
+                target_mse=self._terms.target_mse,
+                axes=self._terms.axes,
                 goal=float(goal),
                 shares=shares,
                 max_points=self._terms.max_points,
@@ -158,7 +162,7 @@ class _Rounds:
             self._states[result.number] = replace(result, course=course)
         self._done += 1
         self._shared = shared_pixels(self._pixels, self._parts, self._states)
-        self._on_iteration(self._iteration(left=0 if any(shares) else None))
+        self._on_iteration(self._iteration(left))
 
     def _iteration(self, left: int | None) -> Iteration:
         worst = max(self._states, key=lambda state: state.square)
@@ -185,7 +189,7 @@ class _Rounds:
         boundary = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], self._prior)
         colors = np.concatenate([boundary, np.concatenate(inner)[order]])
         lack = told_mse(sum(state.lack for state in self._states), self._pixels.size)
-        return Start(points[order], colors, self._done, lack)
+        return Start(points[order], colors, self._done, lack, self.rise)
 
 
 def _unborn(number: int, colors: Floats) -> PartResult:
@@ -198,8 +202,8 @@ def _unborn(number: int, colors: Floats) -> PartResult:
         lack=0.0,
         square_shared=0.0,
         course=np.zeros((0, 2)),
-        total_energy=0.0,
         bias=1.0,
+        rise=0.0,
         worst=0.0,
         grown=np.zeros(0, np.int64),
         more=True,

@@ -20,7 +20,7 @@ from gcvec.curves.network import Curve, Network
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-VERSION = 2
+VERSION = 3
 """Of the messages: those of another are not read."""
 
 _DAMAGES = (
@@ -54,7 +54,8 @@ class PartRequest:
     prior       (b, 3) first estimates of its boundary colours
     points      (n, 2) int64, its control points by rows, in its own frame
     colors      (b + n, 3) its colours so far, boundary first
-    fair_aim    the mean squared error of the whole picture that is aimed at (0-255 scale)
+    target_mse  what the whole picture has to come to (0-255 scale)
+    axes        of colour along which it varies
     goal        the squared error wanted of the part
     shares      of the control points to take out and place anew, turn after turn; 0: to grow
     max_points  of a region, 0: any number
@@ -70,7 +71,8 @@ class PartRequest:
     prior: Floats
     points: Ints
     colors: Floats
-    fair_aim: float
+    target_mse: float
+    axes: int
     goal: float
     shares: tuple[float, ...]
     max_points: int
@@ -89,8 +91,8 @@ class PartResult:
     square  its squared error, and that at shared pixels, which is measured against what was wanted there
     lack    so much of it there is because regions that may have no more points are worse than wanted
     course  (k, 2) how many points it had, and its squared error, turn after turn
-    total_energy  of its colours, summed over them
     bias    see `PartRequest`
+    rise    see `Refinement`: 0 unless points were taken out in this round
     worst   its largest absolute error (0-255 scale)
     grown   (g,) int64, its patches that got points
     more    whether more points would help
@@ -106,8 +108,8 @@ class PartResult:
     lack: float
     square_shared: float
     course: Floats
-    total_energy: float
     bias: float
+    rise: float
     worst: float
     grown: Ints
     more: bool
@@ -124,7 +126,7 @@ def request_bytes(request: PartRequest) -> bytes:
         for c, hard in zip(network.curves, request.hard, strict=True)
     ]
     frame = network.width, network.height, *(network.origin or (0, 0))
-    counts = request.number, request.rounds, request.max_points
+    counts = request.number, request.rounds, request.max_points, request.axes
     return _packed(
         "request",
         frame=np.array([*frame, network.n_nodes, len(network.loops)]),
@@ -134,7 +136,7 @@ def request_bytes(request: PartRequest) -> bytes:
         points=request.points,
         colors=request.colors,
         counts=np.array(counts, np.int64),
-        aims=np.array([request.fair_aim, request.goal, request.bias]),
+        aims=np.array([request.target_mse, request.goal, request.bias]),
         shares=np.array(request.shares, np.float64),
         shared=request.shared,
         wanted=request.wanted,
@@ -157,7 +159,7 @@ def result_bytes(result: PartResult) -> bytes:
         grown=result.grown,
         counts=np.array([result.number, result.more], np.int64),
         figures=np.array(
-            [result.square, result.lack, result.square_shared, result.total_energy, result.bias, result.worst]
+            [result.square, result.lack, result.square_shared, result.bias, result.rise, result.worst]
         ),
         shared=result.shared,
         cover=result.cover,
@@ -201,8 +203,8 @@ def _request(file: Any) -> PartRequest:
     network = Network(width, height, n_nodes, curves, network_loops(curves, n_patches), (column, row))
     prior, colors = file["prior"], file["colors"]
     _demand(prior.shape[1:] == (3,) and colors.shape == (len(prior) + len(points), 3))
-    number, rounds, max_points = file["counts"].tolist()
-    fair_aim, goal, bias = file["aims"].tolist()
+    number, rounds, max_points, axes = file["counts"].tolist()
+    target_mse, goal, bias = file["aims"].tolist()
     shared, wanted = file["shared"], file["wanted"]
     _demand(shared.ndim == 1 and wanted.shape == (len(shared), 3))
     return PartRequest(
@@ -213,7 +215,8 @@ def _request(file: Any) -> PartRequest:
         prior=prior,
         points=points,
         colors=colors,
-        fair_aim=fair_aim,
+        target_mse=target_mse,
+        axes=axes,
         goal=goal,
         shares=tuple(file["shares"].tolist()),
         max_points=max_points,
@@ -227,7 +230,7 @@ def _result(file: Any) -> PartResult:
     points, colors = _pairs(file["points"]), file["colors"]
     _demand(colors.shape[1:] == (3,) and len(colors) >= len(points))
     number, more = file["counts"].tolist()
-    square, lack, square_shared, total_energy, bias, worst = file["figures"].tolist()
+    square, lack, square_shared, bias, rise, worst = file["figures"].tolist()
     shared, cover, given = file["shared"], file["cover"], file["given"]
     _demand(shared.ndim == 1 and cover.shape == shared.shape and given.shape == (len(shared), 3))
     course, grown = file["course"], file["grown"]
@@ -240,8 +243,8 @@ def _result(file: Any) -> PartResult:
         lack=lack,
         square_shared=square_shared,
         course=course,
-        total_energy=total_energy,
         bias=bias,
+        rise=rise,
         worst=worst,
         grown=grown,
         more=bool(more),

@@ -11,7 +11,8 @@ from gcvec.colors.color_fit import ColorFit
 from gcvec.error_scale import PEAK_SQUARE, told_mse
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.patches.canonical import lay_foundation
-from gcvec.quantization import Quantization
+from gcvec.refinement.batch import LITTLE
+from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
@@ -37,7 +38,8 @@ def refine_part(
     network = request.network
     column, row = network.origin or (0, 0)
     frame = pixels[row : row + network.height, column : column + network.width]
-    goal = told_mse(request.goal, frame.size)
+    rounding, goal = Rounding(request.target_mse, request.axes), told_mse(request.goal, frame.size)
+    fair_aim = rounding.aim
     iterations: list[Iteration] = []
 
     def note(made: Iteration) -> None:
@@ -46,8 +48,8 @@ def refine_part(
 
     state = Refinement(
         Scene(frame, lay_foundation(network, request.hard), request.prior),
-        Terms(request.fair_aim, Quantization(), request.max_points),
-        lambda _: goal,
+        Terms(request.target_mse, request.max_points),
+        lambda: goal * rounding.aim / fair_aim,
         note,
         StageClock(),
         Start(request.points, request.colors, request.rounds),
@@ -56,11 +58,13 @@ def refine_part(
     state.compare_with(_wanted(state, request))
     state.begin()
     if not request.rounds:
-        state.seed(request.fair_aim)
+        state.seed(fair_aim)
     more = True
-    for share in request.shares:
+    for n, share in enumerate(request.shares, start=1):
         spare = min(state.spare, MOST_SPARE) if request.rounds else 0.0
         more = state.exchange(max(share, spare if spare > LEAST_SPARE else 0.0))
+        if n == 1 < len(request.shares) and state.lack <= LITTLE * state.aim:
+            rounding.weigh(state.rise)
     return _result(request.number, state, iterations, more)
 
 
@@ -89,8 +93,8 @@ def _result(number: int, state: Refinement, iterations: list[Iteration], more: b
         lack=state.lack * square,
         square_shared=float(np.sum(beside**2, dtype=np.float64)),
         course=np.array(course, np.float64).reshape(-1, 2),
-        total_energy=float(state.fit.energy.sum()),
         bias=state.bias,
+        rise=state.rise,
         worst=float(np.abs(state.residual).max() * 255),
         grown=np.array(sorted(grown), np.int64),
         more=more,

@@ -76,15 +76,15 @@ def refine_batch(
 
     `start` is there where the rounds up to the last exchange have been done.
     """
-    rounding = Rounding(terms.target_mse, terms.steps, terms.axes)
-    state = Refinement(scene, terms, rounding.aim, on_iteration, clock, start)
+    rounding = Rounding(terms.target_mse, terms.axes)
+    state = Refinement(scene, terms, lambda: rounding.aim, on_iteration, clock, start)
     target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
     def settled() -> Draft:
         state.settle()
         with clock.stage("encode"):
-            planned = rounding.steps
-            cost = rounding.cost(planned, state.energy_a_pixel)
+            planned = rounding.steps(state.density)
+            cost = rounding.cost(planned, state.density)
             image = image_of(state.canvas, state.points, state.colors, scene, planned)
 
             def mse_in(steps: Quantization) -> float:
@@ -92,7 +92,7 @@ def refine_batch(
 
             steps = landing_steps(mse_in, planned, state.mse, cost, target_mse + state.lack)
             found = drafted(image.in_steps(steps), scene)
-        rounding.learn(found.steps, state.energy_a_pixel, state.mse, found.mse, state.lack)
+        rounding.learn(found.steps, state.density, state.mse, found.mse, state.lack)
         return found
 
     state.begin()
@@ -111,8 +111,10 @@ def refine_batch(
                 more = state.exchange(share)
                 # Where points are lacking, they are not cheap.
                 if not weighed and n < len(shares) and state.lack <= LITTLE * state.aim:
-                    rounding.weigh(state.rise, state.energy_a_pixel)
+                    rounding.weigh(state.rise)
                     weighed = True
+    else:
+        rounding.weigh(start.rise)
     state.left = 0
     draft = settled()
     if effort.exchanges and state.spare > LEAST_SPARE:

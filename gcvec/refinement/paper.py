@@ -24,6 +24,7 @@ from gcvec.patches.patch import solve_blend
 from gcvec.raster.triangle import barycentric_at
 from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.draft import Draft, by_rows, drafted, image_of
+from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Iteration, Scene, Terms
 from gcvec.timing import StageClock
 
@@ -45,7 +46,9 @@ def refine_paper(
         points = points[order]
         colors = np.concatenate([scene.boundary_colors, colors[n_boundary:][order]])
         canvas = lay_canvas(scene.foundation, points)
-        return drafted(image_of(canvas, points, colors, scene, terms.steps), scene)
+        density = len(colors) / (scene.pixels.size / 3)
+        steps = Rounding(terms.target_mse, terms.axes).steps(density)
+        return drafted(image_of(canvas, points, colors, scene, steps), scene)
 
 
 def worst_pixels(

@@ -7,6 +7,10 @@ import math
 from gcvec.error_scale import PEAK_SQUARE
 from gcvec.quantization import Quantization
 
+ENERGY = 8.8
+"""What rounding a colour adds goes with its energy in the picture and the square of its step, and so is the
+same for all of them (`gcvec.codec.strides`): this is the energy of those that are stored in whole steps."""
+
 LOSS = 1.15
 """Rounding colours as a file does costs about this much more than rounding to nearest, see its dead zone: the
 first guess, until a file has been made."""
@@ -19,45 +23,60 @@ MORE_CAREFUL = 0.995
 """The first aim is lower than it need be by this factor, since missing the target costs another round; and
 after each miss by another one."""
 
+PLANNED = 0.15
+"""The share of the target that rounding colours takes, unless it pays to let it take more."""
+
+TO_8_BIT = 1 / 12
+"""What rounding to whole levels adds."""
+
 LEAST_AIM = 0.5
 """The aim is at least this share of the target."""
 
 SHARE = 0.2
 """c / (2 b) in `Rounding.weigh`, as measured on photos."""
 
-COARSEST = 1.25
-"""Steps are made larger by this factor at most: beyond, points get so many that refinement takes longer for
-next to no bytes."""
+MOST = 1.56
+"""Rounding takes up to this many times what it is planned to: beyond, points get so many that refinement
+takes longer for next to no bytes."""
+
+LEAST_STEP, LARGEST_STEP = 1 / 8, 2.0
+"""The usual step is no smaller than the first, levels of 255, and no larger than the second for each unit of
+the root of the target: where few colours make up a picture, errors of theirs would be seen."""
 
 
 class Rounding:
     """What is known of it: more with every file. Errors are mean squared ones on the 0-255 scale.
 
-    `energy_a_pixel` is what all colours give to a pixel, in squares, of the picture in question.
+    `density` is how many colours there are for each pixel of the picture in question.
     """
 
-    def __init__(self, target_mse: float, steps: Quantization, axes: int = 3) -> None:
-        """Files that come to `target_mse` in about these steps, the planned ones, of colours that vary along
-        so many axes."""
+    def __init__(self, target_mse: float, axes: int = 3) -> None:
+        """Files that come to `target_mse`, of colours that vary along so many axes."""
         self._target_mse = target_mse
-        self.steps = steps
+        self._planned = TO_8_BIT + PLANNED * target_mse
+        self._most = MOST * self._planned
         self._loss = LOSS * axes / 3
         self._margin = CAREFUL
 
-    def cost(self, steps: Quantization, energy_a_pixel: float) -> float:
+    def cost(self, steps: Quantization, density: float) -> float:
         """The error that rounding is expected to add, to these steps and then to 8 bits.
 
-        Rounding to steps of s spreads over s**2 / 12 for every colour, and as much of that reaches the
-        picture as the colour has energy there.
+        Rounding to steps of s spreads over s**2 / 12 for every colour.
         """
-        return (1 + self._loss * PEAK_SQUARE * steps.point**2 * energy_a_pixel) / 12
+        return TO_8_BIT + self._loss * ENERGY * PEAK_SQUARE * steps.point**2 * density / 12
 
-    def aim(self, energy_a_pixel: float) -> float:
+    def steps(self, density: float) -> Quantization:
+        """Steps that add as much as is planned."""
+        spread = 12 * (self._planned - TO_8_BIT) / (self._loss * ENERGY * max(density, 1e-9))
+        levels = max(min(math.sqrt(spread), LARGEST_STEP * math.sqrt(self._target_mse)), LEAST_STEP)
+        return Quantization.of_colors(levels / math.sqrt(PEAK_SQUARE))
+
+    @property
+    def aim(self) -> float:
         """The error before rounding that leaves the target after it."""
-        left = self._target_mse - self.cost(self.steps, energy_a_pixel)
-        return self._margin * max(left, LEAST_AIM * self._target_mse)
+        return self._margin * max(self._target_mse - self._planned, LEAST_AIM * self._target_mse)
 
-    def weigh(self, rise: float, energy_a_pixel: float) -> None:
+    def weigh(self, rise: float) -> None:
         """Plan larger steps where points are cheap, as in textures.
 
         `rise` is by what share the error before rounding, M, rises for each share of the points that is taken
@@ -66,18 +85,14 @@ class Rounding:
         as planned where that asks for smaller ones, which save points but hardly a byte.
         """
         ratio = SHARE * max(rise, 0.0)
-        best_cost = self._target_mse * ratio / (1 + ratio)
-        factor = math.sqrt(best_cost / self.cost(self.steps, energy_a_pixel))
-        self.steps = self.steps.scaled(min(max(factor, 1.0), COARSEST))
+        self._planned = min(max(self._target_mse * ratio / (1 + ratio), self._planned), self._most)
 
-    def learn(
-        self, steps: Quantization, energy_a_pixel: float, before: float, after: float, lack: float
-    ) -> None:
+    def learn(self, steps: Quantization, density: float, before: float, after: float, lack: float) -> None:
         """See what rounding has cost: the error was `before`, and is `after` in a file with these steps.
 
         `lack` is what no point can save of either.
         """
-        missed_by = (after - lack) / self._target_mse * self.aim(energy_a_pixel) / max(before - lack, 1e-9)
-        self._loss *= max((after - before) / self.cost(steps, energy_a_pixel), LEAST_LESSON)
+        missed_by = (after - lack) / self._target_mse * self.aim / max(before - lack, 1e-9)
+        self._loss *= max((after - before) / self.cost(steps, density), LEAST_LESSON)
         if after - lack > self._target_mse:
             self._margin *= MORE_CAREFUL / max(missed_by, 1.0)

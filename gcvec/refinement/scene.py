@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from gcvec.options import Options
 from gcvec.patches.canonical import Foundation
-from gcvec.quantization import Quantization
 
 
 @dataclass(frozen=True)
@@ -33,14 +32,12 @@ class Terms:
     """What a picture has to come to.
 
     target_mse  the mean squared error of what its file holds (0-255 scale)
-    steps       those of the file: colours are rounded to about these
     max_points  bound of the interior control points of one region, 0: none
     effort      1 to 9, trades time for a smaller file
     axes        of colour along which the picture varies: 1 where it is grey, else 3
     """
 
     target_mse: float
-    steps: Quantization
     max_points: int
     effort: int = Options.effort
     axes: int = 3
@@ -54,12 +51,14 @@ class Start:
     colors  (b + n, 3) float64, all colours, boundary first
     rounds  how many there have been
     lack    how much of the error there is because regions may have no more points
+    rise    see `Refinement`: 0 where it is not known
     """
 
     points: NDArray[np.int64]
     colors: NDArray[np.float64]
     rounds: int
     lack: float = 0.0
+    rise: float = 0.0
 
 
 @dataclass(frozen=True)

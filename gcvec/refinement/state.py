@@ -122,13 +122,12 @@ class Refinement:
         self,
         scene: Scene,
         terms: Terms,
-        aim: Callable[[float], float],
+        aim: Callable[[], float],
         on_iteration: Callable[[Iteration], None],
         clock: StageClock,
         start: Start | None = None,
     ) -> None:
-        """`aim` tells from `energy_a_pixel` the mean squared error to come to. Without a `start` there are no
-        points yet."""
+        """`aim` tells the mean squared error to come to. Without a `start` there are no points yet."""
         self.foundation = scene.foundation
         start = start or Start(np.zeros((0, 2), np.int64), scene.boundary_colors, 0)
         self.points, self.colors = start.points, start.colors
@@ -161,12 +160,12 @@ class Refinement:
     @property
     def aim(self) -> float:
         """The error to aim at before colours are rounded."""
-        return self._aim(self.energy_a_pixel)
+        return self._aim()
 
     @property
-    def energy_a_pixel(self) -> float:
-        """What all colours give to a pixel, in squares."""
-        return float(self.fit.energy.sum()) / len(self.truth)
+    def density(self) -> float:
+        """How many colours there are for each pixel."""
+        return len(self.colors) / len(self.truth)
 
     @property
     def spare(self) -> float:

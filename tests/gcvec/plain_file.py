@@ -1,6 +1,6 @@
 """Sections 3 to 6 of `docs/format.md`, in plain Python, from that page alone: what a `.gcv` file holds.
 
-Which patch an interior control point belongs to takes the mesh, so it has to be given.
+Colours take the mesh of section 7, so it has to be given.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from tests.gcvec.plain_decoder import (
 
 Point = list[int]
 Color = list[int]
+
+COARSEST = 96
+"""The stride of what covers nothing."""
 
 
 class PlainCurve(NamedTuple):
@@ -72,20 +75,34 @@ def held(value: int) -> int:
     return min(max(value, -(2**30)), 2**30)
 
 
+class PlainMesh(NamedTuple):
+    """The mesh of section 7.
+
+    vertices   in the parameter domain: samples, then interior control points, then free points
+    triangles  their corners
+    patches    the patch of each triangle
+    samples    curve and u of each; for a node -1 and its number
+    """
+
+    vertices: list[list[float]]
+    triangles: list[list[int]]
+    patches: list[int]
+    samples: list[tuple[int, float]]
+
+
 @dataclass
 class PlainFile:
     """What a file says about a picture.
 
     reference, moved  control points of each curve in pixels; `moved` is None unless they were moved
-    boundary_colors   coordinates of the control points of each side in the picture, by curve and "right" or
-                      "left"
     points            pixels (x, y) of interior control points
     edits             1 if curves were moved, plus 2 if patches were recoloured
-    decoder           stands before the colours of points
+    decoder           stands before the colours
     """
 
     width: int
     height: int
+    n_patches: int
     position_bits: int
     boundary_step: int
     point_step: int
@@ -93,13 +110,25 @@ class PlainFile:
     curves: list[PlainCurve]
     reference: list[list[list[float]]]
     moved: list[list[list[float]]] | None
-    boundary_colors: dict[tuple[int, str], list[Color]]
     points: list[tuple[int, int]]
     edits: int
     decoder: PlainDecoder
 
-    def point_colors(self, patch_of_points: Sequence[int]) -> list[Color]:
-        return plain_point_colors(self.decoder, self.points, patch_of_points, self.width)
+    def colors(self, mesh: PlainMesh) -> tuple[dict[tuple[int, str], list[Color]], list[Color]]:
+        """Coordinates of the control points of each side in the picture, by curve and "right" or "left", and
+        of the interior control points."""
+        strides = plain_strides(self.curves, mesh)
+        boundary = plain_boundary_colors(self.decoder, self.curves, self.n_patches, strides)
+        patch_of = {v: p for t, p in zip(mesh.triangles, mesh.patches, strict=True) for v in t}
+        numbers = [len(mesh.samples) + i for i in range(len(self.points))]
+        of_points = plain_point_colors(
+            self.decoder,
+            self.points,
+            [patch_of[v] for v in numbers],
+            self.width,
+            [strides[v] for v in numbers],
+        )
+        return boundary, of_points
 
     def recolors(self) -> dict[int, list[int]]:
         """The shift of each recoloured patch; only after the colours of points."""
@@ -124,12 +153,12 @@ def plain_file(data: bytes) -> PlainFile:
     model = PlainModel(inputs=3)
     reference = plain_control_points(decoder, model, curves, position_bits)
     moved = plain_control_points(decoder, model, curves, position_bits) if edits & 1 else None
-    boundary_colors = plain_boundary_colors(decoder, curves, n_patches)
     bitmap = plain_bitmap(decoder, height, width)
     points = [(x, y) for y in range(height) for x in range(width) if bitmap[y][x]]
     return PlainFile(
         width,
         height,
+        n_patches,
         position_bits,
         boundary_step,
         point_step,
@@ -137,7 +166,6 @@ def plain_file(data: bytes) -> PlainFile:
         curves,
         reference,
         moved,
-        boundary_colors,
         points,
         edits,
         decoder,
@@ -283,8 +311,74 @@ def shared_corners(curves: Sequence[PlainCurve]) -> dict[tuple[int, int], set[tu
     return corners
 
 
+def unknowns_of(
+    curves: Sequence[PlainCurve], corners: dict[tuple[int, int], set[tuple[int, int]]], c: int, side: str
+) -> list[Hashable]:
+    """The unknowns of the colour control points of a side."""
+    curve = curves[c]
+    of_side = side if curve.hard or curve.on_frame else "both sides"
+    if curve.closed:
+        return [(c, of_side, i) for i in range(curve.segments)]
+    patch = curve.right if side == "right" else curve.left
+    ends = [frozenset(corners[node, patch]) for node in (curve.start, curve.end)]
+    return [ends[0], *((c, of_side, i) for i in range(1, curve.segments + 2)), ends[1]]
+
+
+def plain_strides(curves: Sequence[PlainCurve], mesh: PlainMesh) -> dict[Hashable, int]:
+    """The strides of all unknowns on the boundary, and of control points by their number as vertices."""
+    corners = shared_corners(curves)
+    areas: dict[tuple[int, int], int] = {}
+    for triangle, patch in zip(mesh.triangles, mesh.patches, strict=True):
+        for k in range(3):
+            v, p, q = (triangle[(k + j) % 3] for j in range(3))
+            (v_x, v_y), (p_x, p_y), (q_x, q_y) = (mesh.vertices[corner] for corner in (v, p, q))
+            double = (p_x - v_x) * (q_y - v_y) - (p_y - v_y) * (q_x - v_x)
+            areas[v, patch] = areas.get((v, patch), 0) + math.floor(128 * double + 0.5)
+    covered: dict[Hashable, int] = {}
+    inside: dict[Hashable, int] = {}
+    for (v, patch), area in areas.items():
+        if v >= len(mesh.samples):
+            inside[v] = area
+            continue
+        c, u = mesh.samples[v]
+        if c < 0:
+            shares: list[tuple[Hashable, float]] = [(frozenset(corners[int(u), patch]), 1.0)]
+        else:
+            curve = curves[c]
+            unknowns = unknowns_of(curves, corners, c, "left" if curve.left == patch else "right")
+            first, weights = spline_weights(curve, u)
+            shares = [(unknowns[(first + k) % len(unknowns)], weight) for k, weight in enumerate(weights)]
+        for unknown, weight in shares:
+            covered[unknown] = covered.get(unknown, 0) + math.floor(weight * area + 0.5)
+    found = {unknown: area // 2 for unknown, area in covered.items()} | inside
+    return {
+        unknown: min(max(math.floor(16 * math.sqrt(16384 / max(area, 1)) + 0.5), 1), COARSEST)
+        for unknown, area in found.items()
+    }
+
+
+def spline_weights(curve: PlainCurve, u: float) -> tuple[int, list[float]]:
+    """The first of the four control points that make up a curve at u, and their weights."""
+    m = curve.segments
+    s = min(math.floor(u), m - 1)
+
+    def knot(i: int) -> float:
+        return i - 3 if curve.closed else min(max(i - 3, 0), m)
+
+    w = [1.0, 0.0, 0.0, 0.0]
+    for j in range(1, 4):
+        saved = 0.0
+        for r in range(j):
+            above, below = knot(s + 4 + r) - u, u - knot(s + 4 - j + r)
+            ratio = w[r] / (above + below)
+            w[r] = saved + above * ratio
+            saved = below * ratio
+        w[j] = saved
+    return s, w
+
+
 def plain_boundary_colors(
-    decoder: PlainDecoder, curves: Sequence[PlainCurve], n_patches: int
+    decoder: PlainDecoder, curves: Sequence[PlainCurve], n_patches: int, strides: dict[Hashable, int]
 ) -> dict[tuple[int, str], list[Color]]:
     model = PlainModel(inputs=4)
     corrections = [PlainCorrection(6) for _ in range(3)]
@@ -293,53 +387,49 @@ def plain_boundary_colors(
     last = [[0, 0, 0] for _ in range(n_patches)]
     met = [0] * n_patches
 
-    def unknowns_of(c: int, side: str) -> list[Hashable]:
-        curve = curves[c]
-        of_side = side if curve.hard or curve.on_frame else "both sides"
-        if curve.closed:
-            return [(c, of_side, i) for i in range(curve.segments)]
-        patch = curve.right if side == "right" else curve.left
-        ends = [frozenset(corners[node, patch]) for node in (curve.start, curve.end)]
-        return [ends[0], *((c, of_side, i) for i in range(1, curve.segments + 2)), ends[1]]
-
     found = {}
     for c, curve in enumerate(curves):
         twin: list[Hashable] = []
         for side, patch in (("right", curve.right), ("left", curve.left)):
             if patch < 0:
                 continue
-            unknowns = unknowns_of(c, side)
+            unknowns = unknowns_of(curves, corners, c, side)
             before, change, earlier = last[patch], [0, 0, 0], [0, 0, 0]
-            q_before = [8, 8, 8]
+            d_before = [8 * strides.get(unknowns[0], COARSEST)] * 3
             for i, unknown in enumerate(unknowns):
                 if unknown not in known:
                     place = min(i + 1, 3) if i > 0 else met[patch]
-                    r, q = [0, 0, 0], [0, 0, 0]
+                    stride = strides.get(unknown, COARSEST)
+                    if i == 0 and not met[patch]:
+                        stride = min(stride, 2)
+                    r, q, d = [0, 0, 0], [0, 0, 0], [0, 0, 0]
+                    steps_before = [abs(one) // stride for one in d_before]
                     for a in range(3):
                         toward = 0.0
                         if unknowns[-1] in known:
                             toward = (known[unknowns[-1]][a] - before[a]) / 16 / (len(unknowns) - i)
                         other = known[twin[i]][a] - known[twin[i - 1]][a] if twin and i > 0 else 0
                         features = [change[a] / 16, earlier[a] / 16, toward, other / 16]
-                        features += [float(q[k]) if k < a else 0.0 for k in range(2)]
+                        features += [d[k] / 16 if k < a else 0.0 for k in range(2)]
                         prediction = before[a] + nearest(16 * corrections[a](features))
                         b = min(plain_class(size_before(q, a)), 11)
                         sizes = [
-                            (a, 1, 4 * min(plain_class(2 * abs(q_before[a])), 15) + place),
-                            (a, 2, 12 * min(plain_class(sum(map(abs, q_before))), 15) + b),
+                            (a, 1, 4 * min(plain_class(2 * steps_before[a]), 15) + place),
+                            (a, 2, 12 * min(plain_class(sum(steps_before)), 15) + b),
                             (a, 3, 4 * b + place),
                             (a, 4, 4 * min(patch, 63) + place),
                         ]
                         turn = plain_sign(before[a] + change[a] - prediction)
                         signs = [
-                            (a, 5, 3 * signs_before(q, a) + plain_sign(q_before[a])),
+                            (a, 5, 3 * signs_before(q, a) + plain_sign(d_before[a])),
                             (a, 6, 3 * turn + plain_sign(other)),
                         ]
                         q[a] = model.integer(decoder, sizes, signs, a)
-                        corrections[a].learn(features, q[a])
-                        r[a] = held(prediction + 16 * q[a])
+                        d[a] = stride * q[a]
+                        corrections[a].learn(features, d[a] / 16)
+                        r[a] = held(prediction + d[a])
                     known[unknown] = r
-                    q_before = q
+                    d_before = d
                 met[patch] = 1
                 if i > 0:
                     earlier = change
@@ -361,7 +451,11 @@ def signs_before(q: Sequence[int], a: int) -> int:
 
 
 def plain_point_colors(
-    decoder: PlainDecoder, points: Sequence[tuple[int, int]], patches: Sequence[int], width: int
+    decoder: PlainDecoder,
+    points: Sequence[tuple[int, int]],
+    patches: Sequence[int],
+    width: int,
+    strides: Sequence[int],
 ) -> list[Color]:
     model = PlainModel(inputs=6)
     corrections = [PlainCorrection(19) for _ in range(3)]
@@ -370,7 +464,7 @@ def plain_point_colors(
     read: list[Color] = []
     kept: list[list[list[float]]] = []
     for i, (x, y) in enumerate(points):
-        neighbors = nearest_before(points, patches, number, i)
+        stride, neighbors = strides[i], nearest_before(points, patches, number, i)
         n, near = len(neighbors), [j for _, j in neighbors]
         shares = [
             kriging_shares([points[j] for j in near], [square for square, _ in neighbors]),
@@ -382,11 +476,9 @@ def plain_point_colors(
         for a in range(3):
             average[a] = sum(w * colors[j][a] for w, j in zip(W, near, strict=True)) // total
             surprise = sum(w * abs(read[j][a]) for w, j in zip(W, near, strict=True))
-            activity[a] = 4 * surprise // total if n else 16
+            activity[a] = 4 * surprise // (total * stride) if n else 16
             away = sum(w * abs(colors[j][a] - average[a]) for w, j in zip(W, near, strict=True))
-            spread[a] = away // (4 * total)
-        around = [(x + dx, y + dy) in number for dy in range(-3, 4) for dx in range(-3, 4)]
-        dense = min(sum(around) // 3, 15)
+            spread[a] = 4 * away // (total * stride)
         touching = 0
         for dx, dy in ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)):
             touching = 2 * touching + ((x + dx, y + dy) in number)
@@ -394,8 +486,8 @@ def plain_point_colors(
         block = ((y >> 5) * ((width >> 5) + 1) + (x >> 5)) % 512
         patch = patches[i]
         # The nearest two, as far as there are any.
-        (r_1, q_1), (_, q_2) = [*((colors[j], read[j]) for j in near), *2 * [([0, 0, 0], [0, 0, 0])]][:2]
-        r, q = [0, 0, 0], [0, 0, 0]
+        (r_1, d_1), (_, d_2) = [*((colors[j], read[j]) for j in near), *2 * [([0, 0, 0], [0, 0, 0])]][:2]
+        r, q, d = [0, 0, 0], [0, 0, 0], [0, 0, 0]
         own: list[list[float]] = []
         for a in range(3):
             offers = [
@@ -413,13 +505,13 @@ def plain_point_colors(
             blended = ordered_sum(v * o for v, o in zip(votes, offers, strict=True)) / ordered_sum(votes)
             features = [0.0] * 11 + [offer - offers[0] for offer in offers[1:]]
             if n > 0:
-                features[:4] = r_1[a] / 16 - blended, average[a] / 16 - blended, float(q_1[a]), blended / 5
-            features[4] = float(q_2[a])
+                features[:4] = r_1[a] / 16 - blended, average[a] / 16 - blended, d_1[a] / 16, blended / 5
+            features[4] = d_2[a] / 16
             for k in range(a):
                 together = sum(w * read[j][k] * read[j][a] for w, j in zip(W, near, strict=True))
                 alone = sum(w * read[j][k] ** 2 for w, j in zip(W, near, strict=True))
-                features[5 + k] = float(q[k])
-                features[7 + k] = together / (16 + alone) * q[k]
+                features[5 + k] = d[k] / 16
+                features[7 + k] = together / (4096 + alone) * d[k] / 16
                 features[9 + k] = (r[k] - r_1[k]) / 16
             prediction = nearest((blended + corrections[a](features)) * 16)
             b = min(plain_class(4 * size_before(q, a)) >> 1, 11)
@@ -428,23 +520,24 @@ def plain_point_colors(
                 (a, 2, 12 * min(plain_class(sum(activity)) >> 1, 15) + b),
                 (a, 3, 16 * min(plain_class(spread[a]), 27) + distance),
                 (a, 4, touching),
-                (a, 5, 16 * dense + distance),
+                (a, 5, 16 * min(stride, 31) + distance),
                 (a, 6, 6 * min(patch, 63) + b // 2),
             ]
             beyond = r_1[a] - prediction
             signs = [
-                (a, 7, min(plain_class(abs(beyond) >> 2), 255) + (256 if beyond > 0 else 0)),
-                (a, 8, 9 * (3 * plain_sign(q_1[a]) + plain_sign(q_2[a])) + signs_before(q, a)),
+                (a, 7, min(plain_class(4 * abs(beyond) // stride), 255) + (256 if beyond > 0 else 0)),
+                (a, 8, 9 * (3 * plain_sign(d_1[a]) + plain_sign(d_2[a])) + signs_before(q, a)),
                 (a, 9, 9 * min(patch, 54) + signs_before(q, a)),
             ]
             q[a] = model.integer(decoder, sizes, signs, (a, min(plain_class(activity[a]) >> 2, 7)))
-            corrections[a].learn(features, q[a])
-            r[a] = held(prediction + 16 * q[a])
+            d[a] = stride * q[a]
+            corrections[a].learn(features, d[a] / 16)
+            r[a] = held(prediction + d[a])
             own.append(
                 [(r[a] / 16 - o) ** 2 + (0.1 * own[0][k] if a > 0 else 0) for k, o in enumerate(offers)]
             )
         colors.append(r)
-        read.append(q)
+        read.append(d)
         kept.append(own)
     return colors
 

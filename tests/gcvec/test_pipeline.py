@@ -72,8 +72,7 @@ def test_flat_picture_needs_no_points() -> None:
     assert_sound(image, pixels)
     assert len(image.points) == 0
     assert np.ptp(image.render(), axis=(0, 1)).max() == 0
-    # Colours are stored in steps of four levels.
-    np.testing.assert_allclose(image.render(), pixels, atol=4)
+    np.testing.assert_array_equal(image.render(), pixels)
 
 
 @pytest.mark.parametrize("most", [1, 30])

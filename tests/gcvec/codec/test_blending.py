@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcvec.codec.blending import ALONG, NOT_ALONG, blend, lean, look_back, sum_up
+from gcvec.codec.blending import ALONG, blend, lean, look_back, sum_up
+from gcvec.codec.former import NOT_ALONG
 from gcvec.codec.neighborhoods import NEIGHBORS
 
 DIRECTIONS = (1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcvec import InputError, VectorImage
-from gcvec.codec.file import decode, encode, encode_rounded, rounded_colors, sealed
+from gcvec.codec.file import VERSION, decode, encode, encode_rounded, rounded_colors, sealed
 from gcvec.quantization import Quantization
 from tests.gcvec.scenes import SCENES, vectorized
 
@@ -88,7 +88,7 @@ def test_other_files_are_refused() -> None:
         decode(b"GCV")
 
 
-@pytest.mark.parametrize("version", [0, 1, 7, 255])
+@pytest.mark.parametrize("version", [0, 1, VERSION + 1, 255])
 def test_other_versions_are_refused(version: int) -> None:
     with pytest.raises(InputError, match="version"):
         decode(sealed(file_of("ring")[8:], version))
@@ -96,7 +96,7 @@ def test_other_versions_are_refused(version: int) -> None:
 
 def test_recolors_need_version_4() -> None:
     data = (Path(__file__).parents[2] / "data" / "recolored.gcv").read_bytes()
-    assert data[3] == 6
+    assert data[3] == VERSION
     with pytest.raises(InputError, match="unknown edits"):
         decode(sealed(data[8:], 3))
 

@@ -17,6 +17,7 @@ from gcvec.codec.point_colors import (
     code_point_colors,
 )
 from gcvec.codec.range_coder import finish, overrun, reader, writer
+from gcvec.codec.strides import crowds_by_stride
 
 Ints = NDArray[np.int64]
 
@@ -69,18 +70,23 @@ def test_kriging_solves_its_equations() -> None:
 @pytest.mark.parametrize("share", [0.0, 0.002, 0.05, 0.6])
 def test_coordinates_are_read_as_they_were_written(share: float) -> None:
     occupied, points, patch = scattered(share, seed=5)
+    strides = np.random.default_rng(8).integers(1, 97, len(points))
+    crowds = crowds_by_stride(strides)
     wanted = np.random.default_rng(6).normal(0, 5, (len(points), 3)) + np.sin(points[:, :1] / 9) * 20
     written, read = np.zeros(wanted.shape, np.int64), np.zeros(wanted.shape, np.int64)
     around = neighborhoods(points, patch, HEIGHT, WIDTH)
     coder = writer(100_000)
-    code_point_colors(coder, model(), points, patch, occupied, around, ALONG, wanted, written)
+    code_point_colors(
+        coder, model(), points, patch, occupied, around, ALONG, strides, crowds, wanted, written
+    )
     data = finish(coder)
     assert data is not None
     coder, nothing = reader(data), np.zeros(wanted.shape)
-    code_point_colors(coder, model(), points, patch, occupied, around, ALONG, nothing, read)
+    code_point_colors(coder, model(), points, patch, occupied, around, ALONG, strides, crowds, nothing, read)
     np.testing.assert_array_equal(read, written)
     assert overrun(coder) == 0
-    assert np.abs(written / FRACTION - wanted).max(initial=0) <= 0.5 + 0.12 + 1 / FRACTION
+    off_by = np.abs(written - FRACTION * wanted) / strides[:, None]
+    assert off_by.max(initial=0) <= 0.5 + 0.12 + 1e-9
 
 
 def test_a_smooth_picture_costs_next_to_nothing() -> None:
@@ -89,7 +95,9 @@ def test_a_smooth_picture_costs_next_to_nothing() -> None:
     coder = writer(100_000)
     result = np.zeros(wanted.shape, np.int64)
     around = neighborhoods(points, patch, HEIGHT, WIDTH)
-    code_point_colors(coder, model(), points, patch, occupied, around, ALONG, wanted, result)
+    strides = np.full(len(points), FRACTION)
+    crowds = crowds_by_stride(strides)
+    code_point_colors(coder, model(), points, patch, occupied, around, ALONG, strides, crowds, wanted, result)
     data = finish(coder)
     assert data is not None
     assert len(data) * 8 < 5 * len(points)

@@ -12,7 +12,7 @@ from gcvec import VectorImage
 from gcvec.codec.colors import from_coordinates
 from gcvec.codec.file import GRAY, decode, encode, predicted_colors
 from gcvec.patches.color_space import LEFT, RIGHT
-from tests.gcvec.plain_file import PlainFile, plain_file
+from tests.gcvec.plain_file import Color, PlainFile, PlainMesh, plain_file
 from tests.gcvec.scenes import vectorized
 
 DATA = Path(__file__).parents[2] / "data"
@@ -29,6 +29,22 @@ def both(name: str) -> tuple[VectorImage, PlainFile]:
     """The picture of before, where patches were recoloured, and what the file says."""
     image = decode(file_of(name))
     return image.recoloring.original if image.recoloring else image, plain_file(file_of(name))
+
+
+@cache
+def colors_of(name: str) -> tuple[dict[tuple[int, str], list[Color]], list[Color]]:
+    """The coordinates of boundary colours and those of points that a file holds."""
+    image, plain = both(name)
+    mesh, samples = image.canvas.mesh, image.foundation.samples
+    at_nodes = [(-1, float(k)) for k in range(samples.n_nodes)]
+    on_curves = zip(
+        samples.curve[samples.n_nodes :].tolist(), samples.u[samples.n_nodes :].tolist(), strict=True
+    )
+    return plain.colors(
+        PlainMesh(
+            mesh.vertices.tolist(), mesh.triangles.tolist(), mesh.patch.tolist(), [*at_nodes, *on_curves]
+        )
+    )
 
 
 every = pytest.mark.parametrize("name", [*GOLDEN, "nested", "needles"])
@@ -56,10 +72,10 @@ def test_control_points_are_as_the_format_says(name: str) -> None:
 
 @every
 def test_boundary_colors_are_as_the_format_says(name: str) -> None:
-    image, plain = both(name)
+    image, _ = both(name)
     offsets, unknown = image.foundation.samples.offsets, image.foundation.space.of_control
     seen = set()
-    for (c, side), coordinates in plain.boundary_colors.items():
+    for (c, side), coordinates in colors_of(name)[0].items():
         own = unknown[RIGHT if side == "right" else LEFT, offsets[c] : offsets[c + 1]]
         colors = GRAY + from_coordinates(np.array(coordinates), image.quantization.boundary)
         np.testing.assert_array_equal(colors, image.boundary_colors[own])
@@ -72,18 +88,18 @@ def test_points_and_their_colors_are_as_the_format_says(name: str) -> None:
     image, plain = both(name)
     np.testing.assert_array_equal(np.array(plain.points).reshape(-1, 2), image.points)
     base = predicted_colors(image.foundation, image.boundary_colors, image.points)
-    coordinates = np.array(plain.point_colors(image.patch_of_points.tolist()))
+    coordinates = np.array(colors_of(name)[1])
     assert len(coordinates) > 20
     colors = base + from_coordinates(coordinates, image.quantization.point)
     np.testing.assert_array_equal(colors, image.point_colors)
 
 
 def test_recolors_are_as_the_format_says() -> None:
-    image, plain = decode(file_of("recolored")), plain_file(file_of("recolored"))
+    image, (_, plain) = decode(file_of("recolored")), both("recolored")
+    boundary_colors, _ = colors_of("recolored")
     assert image.recoloring is not None
     original = image.recoloring.original
     patch_of_points = image.patch_of_points
-    plain.point_colors(patch_of_points.tolist())
     recolors = plain.recolors()
     assert len(recolors) == 2
     for patch in range(len(image.labels)):
@@ -93,7 +109,7 @@ def test_recolors_are_as_the_format_says() -> None:
             expected = np.clip(expected + np.array(recolors[patch]) / 4080, 0, 1)
         np.testing.assert_array_equal(image.point_colors[own], expected)
     offsets = image.foundation.samples.offsets
-    for (c, name), coordinates in plain.boundary_colors.items():
+    for (c, name), coordinates in boundary_colors.items():
         curve, side = plain.curves[c], RIGHT if name == "right" else LEFT
         patch = curve.right if name == "right" else curve.left
         expected = GRAY + from_coordinates(np.array(coordinates), image.quantization.boundary)

@@ -67,11 +67,6 @@ def test_a_picture_that_the_canvas_can_show_is_found_again() -> None:
     assert np.abs(fit.residual(found, shown)).max() < 1e-3
 
 
-def test_energy_is_that_of_every_colour_on_the_mesh() -> None:
-    made = case()
-    np.testing.assert_allclose(made.fit.energy, (made.fit.design.toarray() ** 2).sum(axis=0), rtol=1e-5)
-
-
 @pytest.mark.parametrize("rows", [1, 7, 3000])
 def test_products_with_sparse_matrices_are_those_with_dense_ones(rows: int) -> None:
     rng = np.random.default_rng(rows)

@@ -9,9 +9,9 @@ from skimage import data
 
 from gcvec import Annotations, Options, Shape, VectorImage, vectorize
 from gcvec.options import MOST_EFFORT
-from gcvec.quantization import Quantization
 from gcvec.refinement.batch import EFFORTS
 from gcvec.refinement.landing import MOST_SCALE
+from gcvec.refinement.rounding import Rounding
 from tests.gcvec.scenes import noise
 
 
@@ -66,7 +66,8 @@ def test_steps_are_larger_where_points_are_cheap_though_some_regions_lack_a_few(
     """Larger than the last rounding of the planned ones could make them."""
     pixels = np.ascontiguousarray(data.rocket()[:200, :200])
     image = vectorize(pixels, None, Options(target_mse=5, max_points=800, regions=20))
-    assert image.quantization.point_step > MOST_SCALE * Quantization.for_error(5).point_step
+    planned = Rounding(5).steps(len(image.colors) / (image.width * image.height))
+    assert image.quantization.point_step > MOST_SCALE * planned.point_step
     assert image.warnings == ()
 
 

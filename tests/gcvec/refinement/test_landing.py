@@ -66,7 +66,8 @@ def test_the_target_is_kept_where_steps_can_keep_it(
 def test_steps_go_with_the_root_of_what_rounding_may_cost(before: float, step: int) -> None:
     """64 steps cost 0.85 here; no step is smaller than 48 or larger than 80."""
     added = Rounding(before, 0.85 / 64**2)
-    assert landing_steps(added, Quantization(), before, 0.85, TARGET) == Quantization(
+    planned = Quantization(boundary_step=64, point_step=64)
+    assert landing_steps(added, planned, before, 0.85, TARGET) == Quantization(
         boundary_step=step, point_step=step
     )
     assert added.tried == [step]

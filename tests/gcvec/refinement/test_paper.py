@@ -12,7 +12,6 @@ from scipy import sparse
 from gcvec import Annotations, Options, Progress, Shape, VectorImage, raster, vectorize
 from gcvec.patches.canonical import Canvas, Foundation, lay_canvas
 from gcvec.patches.mesh import build_mesh
-from gcvec.quantization import Quantization
 from gcvec.refinement import paper
 from gcvec.refinement.clearance import find_clear_pixels
 from gcvec.refinement.paper import (
@@ -25,6 +24,7 @@ from gcvec.refinement.paper import (
     turns_over,
     worst_pixels,
 )
+from gcvec.refinement.rounding import Rounding
 from gcvec.refinement.scene import Iteration, Scene, Terms
 from gcvec.timing import StageClock
 
@@ -76,7 +76,7 @@ def refined(target_mse: float, max_points: int = 0) -> tuple[np.ndarray, np.ndar
     foundation, boundary_colors = start()
     made: list[Iteration] = []
     scene = Scene(case().pixels, foundation, boundary_colors)
-    terms = Terms(target_mse, Quantization(), max_points)
+    terms = Terms(target_mse, max_points)
     points, colors = worst_pixels(scene, terms, made.append, StageClock())
     return points, colors, made
 
@@ -179,8 +179,8 @@ def test_both_reach_the_target_and_say_what_it_cost(strategy: str) -> None:
     image, _ = run(strategy)
     report = image.report
     assert report is not None
-    steps = image.quantization
-    rounding = ((255 * steps.point) ** 2 + (255 * steps.boundary) ** 2) / 12  # what the file's steps may add
+    density = len(image.colors) / (image.width * image.height)
+    rounding = 1.5 * Rounding(5.0).cost(image.quantization, density)  # what the file's steps may add
     assert (report.mse_raw if strategy == "paper" else report.mse) < 5.0 + rounding
     assert report.strategy == strategy
     assert report.points == len(image.points) > 0

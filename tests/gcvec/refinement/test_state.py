@@ -55,8 +55,8 @@ def state_of(
     on_iteration: Callable[[Iteration], None] = lambda _: None,
 ) -> Refinement:
     scene = Scene(photo() if pixels is None else pixels, FOUNDATION, np.full((N_BOUNDARY, 3), 0.5))
-    terms = Terms(aim, Quantization(), max_points)
-    return Refinement(scene, terms, lambda _: aim, on_iteration, StageClock(), start)
+    terms = Terms(aim, max_points)
+    return Refinement(scene, terms, lambda: aim, on_iteration, StageClock(), start)
 
 
 def begun(aim: float = 5.0, max_points: int = 0) -> Refinement:
@@ -149,10 +149,10 @@ def test_colours_are_pulled_to_their_first_estimates_and_to_the_photo() -> None:
     assert len(set(pull[:N_BOUNDARY])) == len(set(pull[N_BOUNDARY:])) == 1
 
 
-def test_energy_is_what_colours_give_to_a_pixel_in_squares() -> None:
+def test_density_is_how_many_colours_there_are_for_a_pixel() -> None:
     state = begun()
     state.seed(5.0)
-    assert state.energy_a_pixel == pytest.approx(state.fit.design.power(2).sum() / N_PIXELS, rel=1e-4)
+    assert state.density == (N_BOUNDARY + len(state.points)) / N_PIXELS > N_BOUNDARY / N_PIXELS
 
 
 def test_it_can_be_compared_with_another_picture() -> None:

@@ -162,7 +162,7 @@ def test_several_runs_are_told_as_one() -> None:
     """The share of the work done goes on rising, and iterations are those of the run whose file it is."""
     pixels = data.chelsea()[80:160, 120:220]
     told: list[Progress] = []
-    fitted = vectorize(pixels, None, Options(target_bytes=1500), told.append)
+    fitted = vectorize(pixels, None, Options(target_bytes=1200), told.append)
     assert fitted.report is not None
     rounds = [p for p in told if p.phase == "refine"]
     begins = [i for i, p in enumerate(rounds) if p.iteration == 1]
