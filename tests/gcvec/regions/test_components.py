@@ -92,7 +92,7 @@ def test_noise_of_many_owners_ends() -> None:
 
 @given(owners=owner_maps, min_area=st.integers(1, 20))
 def test_bridges_are_pixels_of_lower_owners_beside_corners(owners: NDArray[np.int32], min_area: int) -> None:
-    """Those of the highest owner at least: what others are beside may have become a bridge of a higher one."""
+    """Of the highest owner at least: what others are beside may have become a bridge of a higher one."""
     bridged = owners.copy()
     bridge_slivers(bridged, min_area)
     changed = list(zip(*np.nonzero(bridged != owners), strict=True))
