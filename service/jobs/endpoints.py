@@ -41,6 +41,7 @@ async def submit_job(
         str | None,
         Form(
             description="the options of the command line, a JSON object",
+            examples=['{"target_mse": 5}'],
             json_schema_extra=json_of(JobOptions),
         ),
     ] = None,

@@ -22,21 +22,24 @@ STATIC: Final = Path(__file__).parents[1] / "static"
 _HEADERS: Final = {"Cache-Control": "no-cache"}
 """Pages, scripts and styles belong together, so browsers ask whether theirs are still those."""
 
-router = APIRouter(tags=["pages"])
+SWAGGER_UI: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
+"""What `docs.html` loads of Swagger UI, from a package that holds its files as they are published."""
+
+router = APIRouter()
 
 
-def _serve(files: StaticFiles, path: str) -> None:
+def _serve(folder: StaticFiles, path: str, prefix: str = "/") -> None:
     """Register the address of one file. All of them behind "/" would hide which methods others know."""
 
     async def static(request: Request) -> Response:
-        response = await files.get_response(path, request.scope)
+        response = await folder.get_response(path, request.scope)
         response.headers.update(_HEADERS)
         response.headers["ETag"] = f"W/{response.headers['etag']}"  # of its time and size, compressed or not
         if response.status_code == HTTPStatus.NOT_MODIFIED:  # which compression does not see to
             response.headers["Vary"] = "Accept-Encoding"
         return response
 
-    router.add_route(f"/{path}", static, include_in_schema=False)
+    router.add_route(f"{prefix}{path}", static, include_in_schema=False)
 
 
 @router.head("/", include_in_schema=False)
@@ -49,7 +52,7 @@ async def home() -> FileResponse:
 @router.head("/docs", include_in_schema=False)
 @router.get("/docs", include_in_schema=False)
 async def docs() -> FileResponse:
-    """The page of the interface, which asks for its description itself."""
+    """The page of all calls, which asks for their description itself."""
     return FileResponse(STATIC / "docs.html", headers=_HEADERS)
 
 
@@ -86,6 +89,10 @@ async def get_image(request: Request, job: JobDep, services: ServicesDep) -> Res
     return await file_response(request, services.store, file, "application/octet-stream", headers, 0)
 
 
-_files = StaticFiles(directory=STATIC)
+_own = StaticFiles(directory=STATIC)
 for _file in STATIC.rglob("*.*"):
-    _serve(_files, _file.relative_to(STATIC).as_posix())
+    _serve(_own, _file.relative_to(STATIC).as_posix())
+
+_swagger_ui = StaticFiles(packages=[("fastapi_standalone_docs", "static/swagger")])
+for _name in SWAGGER_UI:
+    _serve(_swagger_ui, _name, "/swagger-ui/")

@@ -77,12 +77,34 @@ def test_what_is_wrong_is_said(browser: Browser, running_service: RunningService
 
 
 def test_pages_allow_no_other_origin(running_service: RunningService) -> None:
-    for path in ("/", "/v1/jobs/any/view"):
+    for path in ("/", "/docs", "/v1/jobs/any/view"):
         policy = httpx.get(f"{running_service.url}{path}").headers["content-security-policy"]
         assert policy.startswith("default-src 'self'")
 
 
-@pytest.mark.parametrize("path", ["/", "/v1/jobs/unknown/view"])
+def test_every_call_is_on_a_page_that_needs_no_other_site(
+    browser: Browser, running_service: RunningService
+) -> None:
+    paths = httpx.get(f"{running_service.url}/openapi.json").json()["paths"].values()
+    calls = {call["operationId"] for path in paths for call in path.values()}
+    with browser.page(900, 700) as page:
+        page.open(f"{running_service.url}/docs")
+        page.wait_for("document.querySelector('.opblock')")
+        shown = page.evaluate("[...document.querySelectorAll('.opblock')].map((call) => call.id)")
+        assert len(shown) == len(calls) > 20
+        assert all(any(name.endswith(f"-{call}") for name in shown) for call in calls)
+        page.evaluate("document.querySelector('[id$=submit_job] button').click()")
+        page.wait_for("document.querySelector('.opblock-body')?.textContent.includes('idempotency-key')")
+        page.evaluate("document.querySelector('.try-out button').click()")
+        page.wait_for("document.querySelector('.execute')")
+        page.resize(360, 640, touch=True)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
+        assert page.errors == []
+        own = (running_service.url, "data:")
+        assert {url for url in page.requests if not url.startswith(own)} == set()
+
+
+@pytest.mark.parametrize("path", ["/", "/docs", "/v1/jobs/unknown/view"])
 def test_pages_fit_a_phone(browser: Browser, running_service: RunningService, path: str) -> None:
     with browser.page(360, 640, touch=True) as page:
         page.open(running_service.url + path)

@@ -79,6 +79,35 @@ def test_with_a_key_everything_works(
         assert page.evaluate("sessionStorage.length") == 0
 
 
+@pytest.mark.parametrize(("key", "status"), [(KEY, 202), ("a-key-that-is-not-ours", 401)])
+def test_calls_can_be_tried_out(
+    browser: Browser, locked_service: RunningService, tmp_path: Path, key: str, status: int
+) -> None:
+    file = tmp_path / "a.png"
+    file.write_bytes(picture())
+    with browser.page(900, 700) as page:
+        page.open(f"{locked_service.url}/docs")
+        page.wait_for("document.querySelector('.btn.authorize')")
+        page.evaluate("document.querySelector('.btn.authorize').click()")
+        page.wait_for("document.querySelector('.auth-container input')")
+        page.evaluate("document.querySelector('.auth-container input').focus()")
+        page.send("Input.insertText", text=key)
+        page.evaluate("document.querySelector('.auth-btn-wrapper .authorize').click()")
+        page.wait_for("document.querySelector('.auth-btn-wrapper .btn-done')")
+        page.evaluate("document.querySelector('.auth-btn-wrapper .btn-done').click()")
+
+        page.evaluate("document.querySelector('[id$=submit_job] button').click()")
+        page.wait_for("document.querySelector('.try-out button')")
+        page.evaluate("document.querySelector('.try-out button').click()")
+        page.wait_for("document.querySelector('.execute')")
+        page.choose_file("[data-property-name=image] input", file)
+        page.evaluate("document.querySelector('.execute').click()")
+        page.wait_for("document.querySelector('.live-responses-table .response')")
+        said = page.evaluate("document.querySelector('.live-responses-table .response').innerText")
+        assert said.startswith(str(status)), said
+        assert page.evaluate("sessionStorage.length + localStorage.length") == 0
+
+
 def test_progress_goes_on_when_the_api_was_started_again(
     browser: Browser, locked_service: RunningService
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import httpx
 import pytest
 
@@ -23,8 +25,8 @@ def drawing(jobs: Jobs) -> str:
 @pytest.mark.parametrize(
     ("path", "sources"),
     [
-        *((path, "'none'") for path in ("/livez", "/v1/jobs", "/v1/jobs/x", "/nothing", "/openapi.json")),
-        *((path, "'self'") for path in ("/", "/v1/jobs/x/view")),
+        *((path, "'none'") for path in ("/livez", "/v1/jobs", "/v1/jobs/x", "/redoc", "/openapi.json")),
+        *((path, "'self'") for path in ("/", "/docs", "/v1/jobs/x/view")),
     ],
 )
 def test_no_answer_is_guessed_at_framed_or_run(api: httpx.Client, path: str, sources: str) -> None:
@@ -35,6 +37,16 @@ def test_no_answer_is_guessed_at_framed_or_run(api: httpx.Client, path: str, sou
     assert {f"default-src {sources}", "frame-ancestors 'none'"} <= set(policy.split("; "))
     assert "unsafe" not in policy
     assert "script-src" not in policy
+
+
+@pytest.mark.parametrize("path", ["/", "/docs", "/v1/jobs/x/view"])
+def test_pages_load_what_the_service_has(api: httpx.Client, path: str) -> None:
+    """Where there is no internet, too, and no script of others sees what the tab keeps."""
+    loaded = re.findall(r'(?:src|href)="([^"]+)"', api.get(path).text)
+    assert len(loaded) > 3
+    for address in loaded:
+        assert address.startswith("/")
+        assert api.get(address).status_code == 200, address
 
 
 def test_a_drawing_opened_by_itself_can_do_nothing(api: httpx.Client, drawing: str) -> None:
