@@ -73,15 +73,16 @@ class SafeHeaders:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def headed(message: Message) -> None:
             if message["type"] == "http.response.start":
-                _complete(MutableHeaders(scope=message))
+                _complete(MutableHeaders(scope=message), message["status"])
             await send(message)
 
         await self._app(scope, receive, headed if scope["type"] == "http" else send)
 
 
-def _complete(headers: MutableHeaders) -> None:
-    media_type = headers.get("content-type", "").partition(";")[0]
-    headers.setdefault("Content-Security-Policy", _POLICIES.get(media_type, _DATA))
+def _complete(headers: MutableHeaders, status: int) -> None:
+    if status != HTTPStatus.NOT_MODIFIED:  # which would replace the policy of what the browser keeps
+        media_type = headers.get("content-type", "").partition(";")[0]
+        headers.setdefault("Content-Security-Policy", _POLICIES.get(media_type, _DATA))
     headers.setdefault("X-Content-Type-Options", "nosniff")
     headers.setdefault("Referrer-Policy", "no-referrer")
     headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")

@@ -8,7 +8,6 @@ from typing import Final
 
 import obstore
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 
 from service.artifacts.responses import file_response
@@ -22,13 +21,16 @@ STATIC: Final = Path(__file__).parents[1] / "static"
 _HEADERS: Final = {"Cache-Control": "no-cache"}
 """Pages, scripts and styles belong together, so browsers ask whether theirs are still those."""
 
+PAGES: Final = {"/": "index.html", "/docs": "docs.html", "/v1/jobs/{job_id}/view": "view.html"}
+"""The upload form, all calls, and a job: each asks for what it shows itself."""
+
 SWAGGER_UI: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """What `docs.html` loads of Swagger UI, from a package that holds its files as they are published."""
 
 router = APIRouter()
 
 
-def _serve(folder: StaticFiles, path: str, prefix: str = "/") -> None:
+def _serve(folder: StaticFiles, path: str, address: str) -> None:
     """Register the address of one file. All of them behind "/" would hide which methods others know."""
 
     async def static(request: Request) -> Response:
@@ -39,28 +41,7 @@ def _serve(folder: StaticFiles, path: str, prefix: str = "/") -> None:
             response.headers["Vary"] = "Accept-Encoding"
         return response
 
-    router.add_route(f"{prefix}{path}", static, include_in_schema=False)
-
-
-@router.head("/", include_in_schema=False)
-@router.get("/", include_in_schema=False)
-async def home() -> FileResponse:
-    """The upload form."""
-    return FileResponse(STATIC / "index.html", headers=_HEADERS)
-
-
-@router.head("/docs", include_in_schema=False)
-@router.get("/docs", include_in_schema=False)
-async def docs() -> FileResponse:
-    """The page of all calls, which asks for their description itself."""
-    return FileResponse(STATIC / "docs.html", headers=_HEADERS)
-
-
-@router.head("/v1/jobs/{job_id}/view", include_in_schema=False)
-@router.get("/v1/jobs/{job_id}/view", include_in_schema=False)
-async def view(job_id: str) -> FileResponse:
-    """The page of a job, which asks for the job itself."""
-    return FileResponse(STATIC / "view.html", headers=_HEADERS)
+    router.add_route(address, static, include_in_schema=False)
 
 
 @router.head("/v1/jobs/{job_id}/image", include_in_schema=False)
@@ -90,9 +71,12 @@ async def get_image(request: Request, job: JobDep, services: ServicesDep) -> Res
 
 
 _own = StaticFiles(directory=STATIC)
+for _address, _page in PAGES.items():
+    _serve(_own, _page, _address)
 for _file in STATIC.rglob("*.*"):
-    _serve(_own, _file.relative_to(STATIC).as_posix())
+    _path = _file.relative_to(STATIC).as_posix()
+    _serve(_own, _path, f"/{_path}")
 
 _swagger_ui = StaticFiles(packages=[("fastapi_standalone_docs", "static/swagger")])
 for _name in SWAGGER_UI:
-    _serve(_swagger_ui, _name, "/swagger-ui/")
+    _serve(_swagger_ui, _name, f"/swagger-ui/{_name}")
