@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 from gcvec.annotations import Annotations, Shape
 from gcvec.errors import InputError
-from gcvec.io.geometry import broken, counts_from, rectangle, ring_from
+from gcvec.io.geometry import broken, counts_from, cut_off, rectangle, ring_from
 from gcvec.io.limits import Account, Limits, require_few_images
 from gcvec.io.rle import ColumnRuns, decode_compressed_counts
 
@@ -139,7 +139,7 @@ class _ShapeReader:
             raise broken("its segmentation is neither a list of polygons nor a run-length mask", pointer)
         for ring in rings:
             self._account.add_vertices(len(ring) // 2, pointer)
-        return Shape(label, rings=tuple(ring_from(ring, pointer) for ring in rings), pointer=pointer)
+        return Shape(label, rings=tuple(cut_off(ring_from(ring, pointer)) for ring in rings), pointer=pointer)
 
     def _masked(self, segmentation: _Json, label: str, pointer: str) -> Shape:
         height, width = self._mask_size(segmentation.get("size"), pointer)

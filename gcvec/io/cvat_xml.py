@@ -19,6 +19,7 @@ from gcvec.io.geometry import (
     Ring,
     broken,
     counts_from,
+    cut_off,
     ellipse,
     ellipse_vertices,
     finite,
@@ -196,7 +197,7 @@ def _shape(element: _Element, image: _Image, account: Account) -> Shape:
         ring = _polygon(attributes, pointer, account)
     else:
         ring = (_box if element.tag == "box" else _ellipse)(attributes, pointer, account)
-    return Shape(label, rings=(ring,), z_order=z_order, pointer=pointer)
+    return Shape(label, rings=(cut_off(ring),), z_order=z_order, pointer=pointer)
 
 
 def _polygon(attributes: Mapping[str, str], pointer: str, account: Account) -> Ring:

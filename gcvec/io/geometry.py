@@ -14,7 +14,10 @@ from gcvec.io.rle import Counts
 Ring = NDArray[np.float64]
 
 _FARTHEST = 1e7
-"""Coordinates are held within this: so far from the picture it makes no difference where a vertex lies."""
+"""Shapes are cut off here, far outside of any picture: beyond it the slopes of edges lose their precision."""
+
+_LARGEST = 1e100
+"""Coordinates beyond this are taken for it, so that sums and products of them stay finite."""
 
 
 def broken(message: str, pointer: str) -> InputError:
@@ -28,7 +31,7 @@ def is_plain(text: str) -> bool:
 
 
 def ring_from(values: Sequence[object], pointer: str) -> Ring:
-    """A ring `(n, 2)` from x, y, x, y …, held within `_FARTHEST`; raises `InputError` on anything but pairs
+    """A ring `(n, 2)` from x, y, x, y …, held within `_LARGEST`; raises `InputError` on anything but pairs
     of finite numbers."""
     for value in values:
         if isinstance(value, bool) or (isinstance(value, str) and not is_plain(value)):
@@ -41,7 +44,36 @@ def ring_from(values: Sequence[object], pointer: str) -> Ring:
         raise broken("its coordinates are not pairs of x and y", pointer)
     if not np.isfinite(flat).all():
         raise broken("a coordinate is not finite", pointer)
-    return np.clip(flat, -_FARTHEST, _FARTHEST).reshape(-1, 2)
+    return np.clip(flat, -_LARGEST, _LARGEST).reshape(-1, 2)
+
+
+def cut_off(ring: Ring) -> Ring:
+    """The ring without what lies beyond `_FARTHEST`. Inside of it, what the ring encloses stays the same; one
+    that is nowhere inside stays outside."""
+    for axis in (0, 1):
+        for side in (-1, 1):
+            ring = _cut_off(ring, axis, side)
+    return ring
+
+
+def _cut_off(ring: Ring, axis: int, side: int) -> Ring:
+    """The ring without what lies beyond `_FARTHEST` along one half of an axis (Sutherland and Hodgman)."""
+    beyond = side * ring[:, axis] - _FARTHEST
+    if not (beyond > 0).any():
+        return ring
+    if (beyond > 0).all():
+        return np.clip(ring, -_FARTHEST, _FARTHEST)
+    following, beyond_following = np.roll(ring, -1, axis=0), np.roll(beyond, -1)
+    stays = beyond <= 0
+    crosses = stays != (beyond_following <= 0)
+    # Each edge is followed from the end that stays: from the other one, precision would be lost.
+    start, end = np.where(stays[:, None], [ring, following], [following, ring])
+    before, after = np.where(stays, [beyond, beyond_following], [beyond_following, beyond])
+    share = before / np.where(crosses, before - after, 1)
+    crossings = start + share[:, None] * (end - start)
+    crossings[:, axis] = side * _FARTHEST
+    kept: Ring = np.stack([ring, crossings], axis=1)[np.stack([stays, crosses], axis=1)]
+    return kept
 
 
 def finite(value: object, pointer: str) -> float:
@@ -69,7 +101,7 @@ def rectangle(left: float, top: float, right: float, bottom: float) -> Ring:
 def ellipse_vertices(rx: float, ry: float) -> int:
     """Vertices of a polygon that stays within 1/100 px of an ellipse with these radii."""
     radius = max(abs(rx), abs(ry), 0.02)
-    return max(math.ceil(math.pi / math.acos(1 - 0.01 / radius)), 16)
+    return max(math.ceil(math.pi / (2 * math.asin(math.sqrt(0.005 / radius)))), 16)
 
 
 def ellipse(cx: float, cy: float, rx: float, ry: float) -> Ring:

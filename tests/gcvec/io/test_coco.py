@@ -185,6 +185,14 @@ def test_a_polygon_without_area_is_dropped_with_a_warning(ring: list[float]) -> 
     assert found.warnings == ("1 shape dropped: too small to cover a pixel's centre (annotations[1])",)
 
 
+@pytest.mark.parametrize("far", [1e8, 1e9, 1e300])
+def test_what_lies_far_outside_is_dropped_with_a_warning(far: float) -> None:
+    ring = [far, 0, far + 60, 0, far, 40]
+    for away in ({"segmentation": [ring]}, {"bbox": [-far, 0, 9, 9]}):
+        found = partition(read_coco(encoded(document({"segmentation": [LEFT]}, away))), 60, 40)
+        assert found.warnings == ("1 shape dropped: outside the picture (annotations[1])",)
+
+
 def test_sizes_may_be_whole_floats() -> None:
     value = document({"segmentation": [LEFT]}, {"segmentation": {"size": [40.0, 60.0], "counts": [0, 2400]}})
     value["images"][0].update(width=60.0, height=40.0)

@@ -67,6 +67,38 @@ def test_a_polygon_without_area_is_dropped_with_a_warning(points: str) -> None:
     assert found.warnings == ("1 shape dropped: too small to cover a pixel's centre (polygon 2, line 7)",)
 
 
+@pytest.mark.parametrize("far", [1e8, 1e12, 1e99])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        'polygon points="0,0;{0:f},{1:f};0,20"',
+        'polygon points="0,20.25;0,0;{0:f},{1:f};{0:f},{0:f}"',
+        'polygon points="9,0;-{1:f},-{0:f};-{0:f},-{1:f};0,20;20,20"',
+        'box xtl="-{0:f}" ytl="10" xbr="{0:f}" ybr="20"',
+    ],
+)
+def test_a_shape_that_reaches_far_outside_covers_what_it_encloses(shape: str, far: float) -> None:
+    near, inside = (painted(f'<{shape.format(x, x / 2)} label="it"/>') for x in (1e6, far))
+    assert 0.1 < near.mean() < 0.9
+    assert np.array_equal(inside, near)
+
+
+@pytest.mark.parametrize("far", [1e8, 1e300])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        'polygon points="{0},0;{0},1e99;-5,{0}"',
+        'polygon points="-{0},-{0};-1,-{0};-1,{0}"',
+        'box xtl="{0}" ytl="0" xbr="{0}" ybr="9"',
+        'ellipse cx="-{0}" cy="0" rx="9" ry="5" rotation="30"',
+    ],
+)
+def test_what_lies_far_outside_is_dropped_with_a_warning(shape: str, far: float) -> None:
+    good = '<polygon label="it" points="0,0;60,0;60,20"/>'
+    found = partition(read_cvat_xml(document(good, f"<{shape.format(far)}/>")), 60, 40)
+    assert found.warnings == (f"1 shape dropped: outside the picture ({shape.split()[0]} 2, line 7)",)
+
+
 def test_boxes_turn_clockwise_about_their_centre() -> None:
     plain = painted('<box label="it" xtl="10" ytl="10" xbr="30" ybr="20"/>')
     assert plain[10:20, 10:30].all()
