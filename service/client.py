@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from http import HTTPStatus
-from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import httpx
 
-from gcvec.cli._files import read
 from gcvec.errors import FailureError, InputError
+from gcvec.plain_text import plain_text
 from gcvec.progress import OnProgress, Progress
 from worker.fields import known_fields
 
@@ -44,6 +42,13 @@ class BusyError(FailureError):
         self.seconds = seconds
 
 
+class NamedFile(NamedTuple):
+    """A file as it is uploaded: its name, without folders, and what it holds."""
+
+    name: str
+    content: bytes
+
+
 class Client:
     """Submits pictures, follows jobs and fetches their files.
 
@@ -63,11 +68,13 @@ class Client:
     ) -> None:
         self._http.close()
 
-    def submit(self, image: Path, annotations: Path | None, options: Mapping[str, Any]) -> dict[str, Any]:
-        """Upload a picture, from stdin for `-`; the job that was made of it."""
-        files = {"image": (_sent_name(image), read(image))}
+    def submit(
+        self, image: NamedFile, annotations: NamedFile | None, options: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Upload a picture; the job that was made of it."""
+        files = {"image": (plain_text(image.name), image.content)}
         if annotations is not None:
-            files["annotations"] = (_sent_name(annotations), annotations.read_bytes())
+            files["annotations"] = (plain_text(annotations.name), annotations.content)
         data = {"options": json.dumps(options)}
         headers = {"Idempotency-Key": uuid.uuid4().hex}  # it is one job, however often it is sent
         lost: tuple[type[Exception], ...] = _BROKEN
@@ -134,11 +141,6 @@ class Client:
                 elif "data" in event:
                     yield event.get("id", ""), event.get("event", "message"), json.loads(event["data"])
                     event = {}
-
-
-def _sent_name(path: Path) -> str:
-    """The name of a file as far as it can be sent: bytes that are no UTF-8 are replaced."""
-    return os.fsencode(path.name).decode(errors="replace")
 
 
 def _patiently(step: Callable[[], T]) -> T:

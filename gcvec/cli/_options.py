@@ -16,7 +16,6 @@ from gcvec.options import MOST_EFFORT, Options, without_effect
 
 Function = Callable[..., Any]
 
-EXISTING_FILE = click.Path(exists=True, dir_okay=False, readable=True, path_type=Path)
 INPUT_FILE = click.Path(exists=True, dir_okay=False, readable=True, allow_dash=True, path_type=Path)
 """An existing file, or - for stdin."""
 
@@ -46,9 +45,15 @@ def _named_as_vector_image(_context: click.Context, _parameter: click.Parameter,
     return output
 
 
-picture_argument = click.argument("image", type=EXISTING_FILE, help="A PNG, JPEG, WebP or TIFF picture.")
-picture_or_stdin_argument = click.argument(
+picture_argument = click.argument(
     "image", type=INPUT_FILE, help="A PNG, JPEG, WebP or TIFF picture; - for stdin."
+)
+annotations_option = click.option(
+    "-a",
+    "--annotations",
+    type=INPUT_FILE,
+    help="Regions: CVAT for images 1.1 or COCO 1.0; - for stdin. "
+    "Without it the regions are found automatically.",
 )
 vector_image_output_option = click.option(
     "-o",

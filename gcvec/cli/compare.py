@@ -16,13 +16,13 @@ from gcvec.cli._files import (
     read,
     write,
 )
-from gcvec.cli._options import INPUT_FILE, matte_option, picture_or_stdin_argument
+from gcvec.cli._options import INPUT_FILE, matte_option, picture_argument
 
 MEASURES = ("mse", "mse_raw", "mae", "psnr", "ssim", "patches", "points", "bytes", "foldovers")
 
 
 @click.command()
-@picture_or_stdin_argument
+@picture_argument
 @click.argument("vector_image", type=INPUT_FILE, metavar="OUT.gcv", help="A vector image; - for stdin.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @matte_option

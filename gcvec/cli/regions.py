@@ -10,7 +10,7 @@ import click
 
 from gcvec.cli._files import about, check_files, load_picture, write
 from gcvec.cli._limits import limits
-from gcvec.cli._options import OUTPUT_FILE, matte_option, picture_or_stdin_argument
+from gcvec.cli._options import OUTPUT_FILE, matte_option, picture_argument
 
 if TYPE_CHECKING:
     from gcvec.io import Limits
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@picture_or_stdin_argument
+@picture_argument
 @click.option(
     "-o",
     "--output",

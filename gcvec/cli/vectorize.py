@@ -23,12 +23,12 @@ from gcvec.cli._files import (
 )
 from gcvec.cli._limits import limits
 from gcvec.cli._options import (
-    INPUT_FILE,
     OUTPUT_FILE,
+    annotations_option,
     ignored_options,
     image_name_option,
     matte_option,
-    picture_or_stdin_argument,
+    picture_argument,
     vector_image_output_option,
     vectorization_options,
 )
@@ -47,15 +47,9 @@ def _ends_in_png(_context: click.Context, _parameter: click.Parameter, path: Pat
 
 
 @click.command()
-@picture_or_stdin_argument
+@picture_argument
 @vector_image_output_option
-@click.option(
-    "-a",
-    "--annotations",
-    type=INPUT_FILE,
-    help="Regions: CVAT for images 1.1 or COCO 1.0; - for stdin. "
-    "Without it the regions are found automatically.",
-)
+@annotations_option
 @image_name_option
 @vectorization_options
 @matte_option

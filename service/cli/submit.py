@@ -12,19 +12,19 @@ from typing import Any
 import click
 from httpx import URL, HTTPError, InvalidURL
 
-from gcvec.cli._files import check_files, warn, write
+from gcvec.cli._files import STANDARD_STREAM, check_files, read, warn, write
 from gcvec.cli._limits import limits
 from gcvec.cli._options import (
-    EXISTING_FILE,
+    annotations_option,
     ignored_options,
     image_name_option,
-    picture_or_stdin_argument,
+    picture_argument,
     vectorization_options,
 )
 from gcvec.cli._progress import progress_bar
 from gcvec.errors import FailureError, InputError
 from gcvec.options import without_effect
-from service.client import Client, problem_error
+from service.client import Client, NamedFile, problem_error
 from worker.artifacts import EXPORTS, KINDS
 
 
@@ -59,15 +59,17 @@ def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
         raise FailureError(f"{url}: {error}") from error
 
 
-def _image_name(image: Path, annotations: Path) -> str | None:
+def _image_name(image: Path, annotations: bytes) -> str | None:
     """What the annotations call a picture that they tell from others by its folders, which are not sent.
 
     None where its own name will do, and where nothing does: what is wrong the service says.
     """
     from gcvec.io import image_name_for
 
+    if image == STANDARD_STREAM:
+        return None
     with suppress(InputError):
-        return image_name_for(annotations.read_bytes(), os.path.abspath(image), limits())
+        return image_name_for(annotations, os.path.abspath(image), limits())
     return None
 
 
@@ -82,7 +84,7 @@ def _found_again_at(place: str) -> Iterator[None]:
 
 
 @click.command()
-@picture_or_stdin_argument
+@picture_argument
 @click.option(
     "--url", required=True, callback=_checked, help="Where the service runs, e.g. http://127.0.0.1:8000."
 )
@@ -94,7 +96,7 @@ def _found_again_at(place: str) -> Iterator[None]:
     metavar="DIR",
     help="Where the files go.",
 )
-@click.option("-a", "--annotations", type=EXISTING_FILE, help="CVAT XML or COCO JSON.")
+@annotations_option
 @image_name_option
 @vectorization_options
 @click.option(
@@ -111,11 +113,13 @@ def submit(
     files = {name: output / kind.filename for name, kind in (KINDS | EXPORTS).items()}
     check_files(inputs=(image, annotations), outputs=tuple(files.values()))
     warn(image, ignored_options(options, annotations))
-    if annotations is not None and options["image_name"] is None:
-        options["image_name"] = _image_name(image, annotations)
+    photo = NamedFile(image.name, read(image))
+    regions = None if annotations is None else NamedFile(annotations.name, read(annotations))
+    if regions is not None and options["image_name"] is None:
+        options["image_name"] = _image_name(image, regions.content)
     with Client(url, key) as client:
         with _naming(image, annotations, url):
-            job = client.submit(image, annotations, options)
+            job = client.submit(photo, regions, options)
         place = f"{url.rstrip('/')}{job['links']['self']}"
         with _naming(image, annotations, place), _found_again_at(place):
             with progress_bar() as on_progress:

@@ -23,12 +23,14 @@ from tests.broker import client_of
 from tests.servers import in_background
 from tests.service.in_process import Jobs, serving
 from tests.uploads import cvat, png
+from worker import storage
 from worker.problems import problem
 from worker.records import JobRecords
 from worker.settings import Settings
 from worker.steps import ACTIVE, finish
 
 POLYGON = cvat(points="1,1;x,1;20,15")
+PHOTO = client.NamedFile("photo.png", png())
 
 
 @pytest.fixture
@@ -128,6 +130,41 @@ def test_no_file_of_the_users_is_written_over(
     assert api.get("/v1/jobs").json()["jobs"] == []
 
 
+@pytest.mark.parametrize(
+    ("picture", "regions", "of_stdin"), [("-", "own.xml", "photo.png"), ("photo.png", "-", "own.xml")]
+)
+def test_stdin_is_sent_as_a_file_is(
+    api: httpx.Client,
+    settings: Settings,
+    folder: Path,
+    meanwhile: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+    picture: str,
+    regions: str,
+    of_stdin: str,
+) -> None:
+    (folder / "own.xml").write_bytes(cvat("photo.png"))
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO((folder / of_stdin).read_bytes())))
+    monkeypatch.setattr(JobRepository, "find", nowhere)
+    meanwhile(interrupt)
+    assert run(["submit", picture, "-a", regions, "--url", str(api.base_url), "-o", "out"]) == 130
+    job_id = job_of(settings)
+    job = JobRecords(client_of(settings.broker_url)).get(job_id)
+    assert job is not None
+    assert job.request["picture_name"] == picture
+    store = storage.open_store(settings.storage)
+    assert storage.read(store, storage.image_path(job_id)) == (folder / "photo.png").read_bytes()
+    assert storage.read(store, storage.annotations_path(job_id)) == (folder / "own.xml").read_bytes()
+
+
+def test_what_is_wrong_with_stdin_is_named_so(
+    api: httpx.Client, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"no picture")))
+    assert said(capsys, str(api.base_url), "-").startswith("gcvec: -: unsupported picture")
+    assert said(capsys, str(api.base_url), "-", "-a", "-") == "gcvec: -: stdin is read for one file only"
+
+
 def test_an_option_that_has_no_effect_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["submit", "photo.png", "--snap", "3", "--url", "http://127.0.0.1:1", "-o", "out"]) == 1
     warning, _ = capsys.readouterr().err.splitlines()
@@ -169,32 +206,20 @@ def test_folders_tell_images_of_one_name_apart_and_stay_at_home(
     assert job.request["picture_name"] == Path(picture).name
 
 
-@pytest.mark.parametrize(("picture", "sent"), [("caf\udce9.png", "caf\ufffd.png"), ("-", "-")])
-def test_a_name_that_is_no_text_and_stdin_are_sent_too(
-    api: httpx.Client,
-    settings: Settings,
-    folder: Path,
-    meanwhile: Callable[..., None],
-    monkeypatch: pytest.MonkeyPatch,
-    picture: str,
-    sent: str,
-) -> None:
-    (folder / picture).write_bytes(png())
-    monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(png())))
-    monkeypatch.setattr(JobRepository, "find", nowhere)
-    meanwhile(interrupt)
-    assert run(["submit", picture, "--url", str(api.base_url), "-o", "out"]) == 130
-    job = JobRecords(client_of(settings.broker_url)).get(job_of(settings))
-    assert job is not None
-    assert job.request["picture_name"] == sent
-
-
 def test_folders_that_do_not_tell_images_apart_leave_it_to_the_service(
     api: httpx.Client, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "two.xml").write_bytes(annotating("a/photo.png", "b/photo.png"))
     line = said(capsys, str(api.base_url), "photo.png", "-a", "two.xml")
     assert line.startswith("gcvec: two.xml: several images match 'photo.png'")
+
+
+def test_a_name_that_is_no_text_is_sent_as_one(api: httpx.Client, settings: Settings, folder: Path) -> None:
+    with client.Client(str(api.base_url)) as asking:
+        asking.submit(client.NamedFile("odd\udcff.png", png()), client.NamedFile("odd\udcff.xml", cvat()), {})
+    job = JobRecords(client_of(settings.broker_url)).get(job_of(settings))
+    assert job is not None
+    assert job.request["picture_name"] == "odd\ufffd.png"
 
 
 @pytest.fixture
@@ -286,7 +311,7 @@ def test_who_has_too_many_jobs_sends_one_more_later(
     with serving(settings.model_copy(update={"max_unfinished_jobs": 1})) as api:
         first = Jobs(api, settings).submit()
         with client.Client(str(api.base_url)) as asking:
-            second = asking.submit(folder / "photo.png", None, {})
+            second = asking.submit(PHOTO, None, {})
         assert pauses == [10]
         assert [job["id"] for job in api.get("/v1/jobs").json()["jobs"]] == [second["id"], first]
 
@@ -321,7 +346,7 @@ def test_an_upload_that_was_too_slow_or_found_no_room_is_sent_again(
     meanwhile(pauses.append)
     server = ThreadingHTTPServer(("127.0.0.1", 0), Passing)
     with in_background(server), client.Client(f"http://127.0.0.1:{server.server_port}") as asking:
-        assert asking.submit(folder / "photo.png", None, {}) == {"id": "a"}
+        assert asking.submit(PHOTO, None, {}) == {"id": "a"}
     assert pauses == [1, 1]
     assert len(keys) == 3
     assert len(set(keys)) == 1
@@ -369,7 +394,7 @@ def test_an_upload_whose_connection_breaks_is_sent_again(
     meanwhile(pauses.append)
     server = ThreadingHTTPServer(("127.0.0.1", 0), Breaking)
     with in_background(server), client.Client(f"http://127.0.0.1:{server.server_port}") as asking:
-        assert asking.submit(folder / "photo.png", None, {}) == {"id": "a"}
+        assert asking.submit(PHOTO, None, {}) == {"id": "a"}
     assert pauses == [1, 1]
     assert len(keys) == 3
     assert len(set(keys)) == 1
