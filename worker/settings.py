@@ -130,8 +130,8 @@ class Settings(BaseSettings):
         if not isinstance(value, str):
             return value
         parts = tuple(part.strip() for part in value.split(",") if part.strip())
-        if value.strip() and not parts:
-            raise ValueError("holds nothing but commas")
+        if value and not parts:  # as of a secret that is not there, which must not open the service
+            raise ValueError("must not be blank; for none leave it empty")
         return parts
 
     @field_validator("api_keys")

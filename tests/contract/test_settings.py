@@ -47,13 +47,8 @@ def test_no_other_variable_is_read() -> None:
 @pytest.mark.parametrize(
     "setting",
     [
-        *(
-            "GCVEC_MAX_SIDE=wide",
-            "GCVEC_RETENTION=soon",
-            "GCVEC_API_KEYS=short",
-            "GCVEC_API_KEYS=,",
-            "GCVEC_MATTE=white",
-        ),
+        *("GCVEC_MAX_SIDE=wide", "GCVEC_RETENTION=soon", "GCVEC_API_KEYS=short", "GCVEC_MATTE=white"),
+        *("GCVEC_API_KEYS=,", "GCVEC_API_KEYS= ", "GCVEC_CORS_ORIGINS= , "),
         *("GCVEC_BROKER_URL=amqp://127.0.0.1", "GCVEC_BROKER_URL=127.0.0.1:6379"),
         *("GCVEC_BROKER_URL=redis://:secret/@127.0.0.1/0", "GCVEC_BROKER_URL=redis://127.0.0.1/x"),
         *("GCVEC_STORAGE_URL=/data", "GCVEC_STORAGE_URL=ftp://host/data", "GCVEC_STORAGE_URL=file://data"),
