@@ -72,10 +72,11 @@ image_name_option = click.option(
 )
 
 
-def _checked_matte(_context: click.Context, _parameter: click.Parameter, matte: str) -> str:
-    """A colour, wherever it comes from: click names the option and the variable."""
+def checked_matte(_context: click.Context, _parameter: click.Parameter, matte: str | None) -> str | None:
+    """A colour, wherever it comes from: click names the option and the variable. None stays none."""
     try:
-        rgb_from_hex(matte, "matte")
+        if matte is not None:
+            rgb_from_hex(matte, "matte")
     except InputError as error:
         raise click.BadParameter(str(error)) from None
     return matte
@@ -84,7 +85,7 @@ def _checked_matte(_context: click.Context, _parameter: click.Parameter, matte: 
 matte_option = click.option(
     "--matte",
     default="#ffffff",
-    callback=_checked_matte,
+    callback=checked_matte,
     metavar="#RRGGBB",
     envvar="GCVEC_MATTE",
     show_envvar=True,

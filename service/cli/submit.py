@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 from httpx import URL, HTTPError, InvalidURL
@@ -16,6 +16,7 @@ from gcvec.cli._files import STANDARD_STREAM, check_files, read, warn, write
 from gcvec.cli._limits import limits
 from gcvec.cli._options import (
     annotations_option,
+    checked_matte,
     ignored_options,
     image_name_option,
     picture_argument,
@@ -26,6 +27,8 @@ from gcvec.errors import FailureError, InputError
 from gcvec.options import without_effect
 from service.client import Client, NamedFile, problem_error
 from worker.artifacts import EXPORTS, KINDS
+
+_KEY_VARIABLE: Final = "GCVEC_API_KEY"
 
 
 def _checked(_context: click.Context, _parameter: click.Parameter, url: str) -> str:
@@ -39,22 +42,34 @@ def _checked(_context: click.Context, _parameter: click.Parameter, url: str) -> 
     return url
 
 
+def _checked_key(_context: click.Context, _parameter: click.Parameter, key: str | None) -> str | None:
+    """The key without blanks around it. Raises click.BadParameter, which does not repeat it."""
+    key = key and key.strip()
+    if key and not (key.isascii() and key.isprintable()):
+        raise click.BadParameter("an API key has no such characters")
+    return key
+
+
 @contextmanager
-def _naming(image: Path, annotations: Path | None, url: str) -> Iterator[None]:
-    """Let an error that is raised inside name the file, or else the address, that it is about."""
+def _naming(image: Path, annotations: Path | None, url: str, key: str | None) -> Iterator[None]:
+    """Let an error raised inside name the file or the option, or else the address, that it is about."""
     try:
         yield
     except InputError as error:
         place = error.pointer or "/"
+        if error.code == "unauthorized":
+            why = "does not know this API key" if key else "asks for an API key"
+            said = f"{url}: the service {why}: --key or {_KEY_VARIABLE}"
+            raise InputError(said, code=error.code) from error
+        if place.startswith("/options/"):
+            raise InputError(str(error), code=error.code) from error
         if place == "/image":
             raise InputError(f"{image}: {error}", code=error.code) from error
         # A place that is no path of the request's is one in the annotations.
         if annotations is not None and (place == "/annotations" or not place.startswith("/")):
             pointer = None if place.startswith("/") else place
             raise InputError(f"{annotations}: {error}", code=error.code, pointer=pointer) from error
-        why = "the service asks for a key that it knows: --key or GCVEC_API_KEY"
-        said = why if error.code == "unauthorized" else error
-        raise InputError(f"{url}: {said}", code=error.code, pointer=error.pointer) from error
+        raise InputError(f"{url}: {error}", code=error.code, pointer=error.pointer) from error
     except (HTTPError, FailureError) as error:
         raise FailureError(f"{url}: {error}") from error
 
@@ -102,9 +117,16 @@ def _found_again_at(place: str) -> Iterator[None]:
 @click.option(
     "--matte",
     metavar="#RRGGBB",
+    callback=checked_matte,
     help="What transparent pixels are laid over; default: what the service says.",
 )
-@click.option("--key", envvar="GCVEC_API_KEY", show_envvar=True, help="API key, if the service asks.")
+@click.option(
+    "--key",
+    envvar=_KEY_VARIABLE,
+    show_envvar=True,
+    callback=_checked_key,
+    help="API key, if the service asks.",
+)
 def submit(
     image: Path, url: str, output: Path, annotations: Path | None, key: str | None, **options: Any
 ) -> None:
@@ -118,10 +140,10 @@ def submit(
     if regions is not None and options["image_name"] is None:
         options["image_name"] = _image_name(image, regions.content)
     with Client(url, key) as client:
-        with _naming(image, annotations, url):
+        with _naming(image, annotations, url, key):
             job = client.submit(photo, regions, options)
         place = f"{url.rstrip('/')}{job['links']['self']}"
-        with _naming(image, annotations, place), _found_again_at(place):
+        with _naming(image, annotations, place, key), _found_again_at(place):
             with progress_bar() as on_progress:
                 job = client.follow(job, on_progress)
             if job["status"] != "succeeded":

@@ -30,6 +30,7 @@ from worker.settings import Settings
 from worker.steps import ACTIVE, finish
 
 POLYGON = cvat(points="1,1;x,1;20,15")
+KEY = "0123456789abcdef"
 PHOTO = client.NamedFile("photo.png", png())
 
 
@@ -65,7 +66,13 @@ def said(capsys: pytest.CaptureFixture[str], url: str, *arguments: str, code: in
         (["notes.png"], "notes.png: ", ""),
         (["photo.png", "-a", "other.xml"], "other.xml: ", ""),
         (["photo.png", "-a", "broken.xml"], "broken.xml: polygon 1, line 1: ", ""),
-        (["photo.png", "--target-mse", "-1"], "URL: ", " (/options/target_mse)"),
+        (["photo.png", "--target-mse", "-1"], "target_mse must be above 0", ", not -1.0"),
+        (["photo.png", "--effort", "11"], "effort must lie between 1 and 9, not 11", ""),
+        (
+            ["photo.png", "--matte", "white"],
+            "Invalid value for '--matte': 'white' is not #rrggbb, such as #ffffff",
+            "",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_once(
@@ -84,6 +91,31 @@ def test_what_is_wrong_is_named_once(
     assert "(/" not in line.removesuffix(end)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said_of_it"),
+    [
+        ([], "URL: the service asks for an API key: --key or GCVEC_API_KEY"),
+        (["--key", "another"], "URL: the service does not know this API key: --key or GCVEC_API_KEY"),
+        (["--key", "sécret"], "Invalid value for '--key' (env var: 'GCVEC_API_KEY'): an API key has no such"),
+        (["--key", f"{KEY}\n"], "notes.png: unsupported picture"),
+    ],
+)
+def test_a_key_that_does_not_do_is_asked_for(
+    settings: Settings,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    said_of_it: str,
+) -> None:
+    monkeypatch.delenv("GCVEC_API_KEY", raising=False)
+    with serving(Settings(**{**settings.model_dump(), "api_keys": KEY})) as api:
+        url = str(api.base_url)
+        line = said(capsys, url, "notes.png", *arguments)
+    assert line.startswith(f"gcvec: {said_of_it.replace('URL', url)}")
+    assert "sécret" not in line
+
+
 def test_another_program_at_the_address_is_no_service(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -98,16 +130,6 @@ def test_another_program_at_the_address_is_no_service(
     url = f"http://127.0.0.1:{server.server_port}/there"
     with in_background(server):
         assert said(capsys, url, "photo.png") == f"gcvec: {url}: no gcvec service answers there (HTTP 404)"
-
-
-@pytest.mark.parametrize("arguments", [[], ["--key", "wrong-" * 4]])
-def test_a_service_that_asks_for_a_key(
-    broker_url: str, folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
-) -> None:
-    settings = Settings(broker_url=broker_url, data_dir=folder / "data", api_keys=("right-" * 4,))
-    with serving(settings) as api:
-        line = said(capsys, str(api.base_url), "photo.png", *arguments)
-    assert line.endswith(": the service asks for a key that it knows: --key or GCVEC_API_KEY")
 
 
 @pytest.mark.parametrize("url", ["foo", "127.0.0.1:8000", "ftp://127.0.0.1", "http://", "http://[::1"])
