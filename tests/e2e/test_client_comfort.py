@@ -75,6 +75,15 @@ def test_the_sheets_are_all_on_the_screen_of_a_phone(browser: Browser, job: str,
 
 
 @pytest.mark.parametrize("width", [320, 360, 412])
+def test_a_phone_shows_size_and_patches_whole(browser: Browser, job: str, width: int) -> None:
+    with browser.page(width, 640, touch=True) as page:
+        page.open(f"{job}/view")
+        page.wait_for("document.getElementById('summary').textContent.includes('patch')")
+        assert page.evaluate("(({ scrollWidth, clientWidth }) => clientWidth - scrollWidth)(summary)") >= 0
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("width", [320, 360, 412])
 def test_the_form_stays_within_its_card(
     browser: Browser, running_service: RunningService, width: int
 ) -> None:
