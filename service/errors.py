@@ -20,6 +20,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from gcvec.errors import InputError
+from service.described import answer_headers
 from worker.problems import Problem, input_problem, problem
 
 logger = logging.getLogger(__name__)
@@ -51,6 +52,14 @@ _SHOULD: Final = re.compile(r"\w+ (?=should )")
 _UNTOLD_JSON: Final = problem(
     "invalid-request", "the body should be sent as Content-Type: application/json", "/header/content-type"
 )
+_HEADERS = {
+    401: answer_headers("WWW-Authenticate"),
+    409: answer_headers("Retry-After", always=False),
+    413: answer_headers("Retry-After", always=False),
+    416: answer_headers("Content-Range"),
+    429: answer_headers("Retry-After", always=False),
+    503: answer_headers("Retry-After"),
+}
 _CODES = {401: "unauthorized", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
 
 
@@ -71,6 +80,7 @@ def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
         status: {
             "description": HTTPStatus(status).phrase,
             "content": {"application/problem+json": {"schema": schema}},
+            **({"headers": _HEADERS[status]} if status in _HEADERS else {}),
         }
         for status in statuses
     }

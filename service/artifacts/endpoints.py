@@ -7,9 +7,10 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Depends, Query, Request, Response
 
 from service.artifacts.description import Description
-from service.artifacts.responses import file_response
+from service.artifacts.responses import file_response, served
 from service.artifacts.service import Result, derived_file, original, revised
 from service.deps import ServicesDep
+from service.described import answer_headers
 from service.errors import ProblemError, documented
 from worker.artifacts import EXPORTS, KINDS, REVISED, Kind
 from worker.settings import Settings
@@ -63,10 +64,11 @@ def _serve(name: str, kind: Kind, dependency: Any, prefix: str) -> None:
         summary=SUMMARIES[name],
         response_class=Response,
         responses={
-            200: {"content": {kind.media_type: {}}, "model": _MODELS.get(name)},
-            206: {"description": "The part asked for", "content": {kind.media_type: {}}},
-            304: {"description": "The client has it"},
-            307: {"description": "It is to be had from the store directly"},
+            **served(kind.media_type, _MODELS.get(name)),
+            307: {
+                "description": "It is to be had from the store directly",
+                "headers": answer_headers("Location"),
+            },
             **documented(401, 403, 404, 409, 410, 413, 416, 422, 429, 500, 503),
         },
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import obstore
 from fastapi import Request, Response
@@ -11,11 +12,23 @@ from fastapi.responses import RedirectResponse, StreamingResponse
 from obstore.store import ObjectStore
 
 from service.compression import LEAST_SIZE, is_compressible, wants_gzip
+from service.described import answer_headers
 from service.errors import ProblemError
 from worker import storage
 from worker.storage import StoredFile
 
 _SINGLE_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})$")
+
+
+def served(media_type: str, model: Any = None) -> dict[int | str, dict[str, Any]]:
+    """The answers of `file_response` to those who may have the file, for the interface description."""
+    content: dict[str, Any] = {media_type: {}}
+    part = answer_headers("ETag", "Content-Range")
+    return {
+        200: {"content": content, "model": model, "headers": answer_headers("ETag")},
+        206: {"description": "The part asked for", "content": content, "headers": part},
+        304: {"description": "The client has it", "headers": answer_headers("ETag")},
+    }
 
 
 async def file_response(

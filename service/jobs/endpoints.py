@@ -8,6 +8,7 @@ from fastapi import APIRouter, Depends, File, Form, Header, Query, Response, Upl
 from fastapi.responses import StreamingResponse
 
 from service.deps import JobDep, OwnerDep, ServicesDep
+from service.described import answer_headers
 from service.errors import ProblemError, documented
 from service.idempotency import IdempotencyKey
 from service.jobs import service
@@ -27,7 +28,10 @@ _LARGEST_ID = 2**53
     status_code=202,
     summary="Submit a picture",
     dependencies=[Depends(check_parts)],
-    responses=documented(400, 401, 403, 408, 409, 410, 413, 415, 422, 429, 503),
+    responses={
+        202: {"headers": answer_headers("Location", "Retry-After")},
+        **documented(400, 401, 403, 408, 409, 410, 413, 415, 422, 429, 503),
+    },
 )
 async def submit_job(
     services: ServicesDep,
@@ -87,7 +91,14 @@ async def list_jobs(
 
 
 @router.head("/{job_id}", include_in_schema=False)
-@router.get("/{job_id}", summary="Look at a job", responses=documented(401, 403, 404, 410, 422, 429, 503))
+@router.get(
+    "/{job_id}",
+    summary="Look at a job",
+    responses={
+        200: {"headers": answer_headers("Retry-After", always=False)},
+        **documented(401, 403, 404, 410, 422, 429, 503),
+    },
+)
 async def get_job(
     job: JobDep,
     services: ServicesDep,

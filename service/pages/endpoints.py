@@ -10,7 +10,7 @@ import obstore
 from fastapi import APIRouter, Request, Response
 from fastapi.staticfiles import StaticFiles
 
-from service.artifacts.responses import file_response
+from service.artifacts.responses import file_response, served
 from service.deps import JobDep, ServicesDep
 from service.errors import ProblemError, documented
 from worker import storage
@@ -49,9 +49,7 @@ def _serve(folder: StaticFiles, path: str, address: str) -> None:
     "/v1/jobs/{job_id}/image",
     response_class=Response,
     responses={
-        200: {"content": {"application/octet-stream": {}}},
-        206: {"description": "The part asked for", "content": {"application/octet-stream": {}}},
-        304: {"description": "The client has it"},
+        **served("application/octet-stream"),
         **documented(401, 403, 404, 410, 416, 422, 429, 503),
     },
     summary="The uploaded picture",
