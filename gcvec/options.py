@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from gcvec.error_scale import PEAK_SQUARE
 from gcvec.errors import InputError
@@ -17,6 +17,32 @@ MOST_EFFORT = 9
 
 LARGEST_COUNT = 2**31 - 1
 """Of what is counted: compiled kernels take no larger numbers."""
+
+
+class Range(NamedTuple):
+    """The numbers that an option may be: from `least` to `most`, or only between them, without `ends`."""
+
+    least: int
+    most: int
+    ends: bool = True
+
+    def holds(self, number: float) -> bool:
+        within = self.least <= number <= self.most
+        return within and (self.ends or number not in (self.least, self.most))
+
+    def __str__(self) -> str:
+        if self.ends:
+            return f"lie between {self.least} and {self.most}"
+        return f"be above {self.least} and below {self.most}"
+
+
+RANGES: Mapping[str, Range] = {
+    "target_mse": Range(0, PEAK_SQUARE, ends=False),
+    "snap": Range(0, MOST_SNAP),
+    "effort": Range(1, MOST_EFFORT),
+    **dict.fromkeys(("max_points", "workers", "regions", "target_bytes"), Range(0, LARGEST_COUNT)),
+}
+"""Of all options that are numbers."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +78,9 @@ class Options:
         for name in ("target_mse", "snap"):
             if not isinstance(getattr(self, name), Real):
                 raise self._refused(name, "be a number")
-        if not 0 < self.target_mse < PEAK_SQUARE:
-            raise self._refused("target_mse", f"be above 0 and below {PEAK_SQUARE}")
-        if not 0 <= self.snap <= MOST_SNAP:
-            raise self._refused("snap", f"lie between 0 and {MOST_SNAP} pixels")
-        if not 1 <= self.effort <= MOST_EFFORT:
-            raise self._refused("effort", f"lie between 1 and {MOST_EFFORT}")
-        for name in ("max_points", "workers", "regions", "target_bytes"):
-            if not 0 <= getattr(self, name) <= LARGEST_COUNT:
-                raise self._refused(name, f"lie between 0 and {LARGEST_COUNT}")
+        for name, numbers in RANGES.items():
+            if not numbers.holds(getattr(self, name)):
+                raise self._refused(name, str(numbers))
 
     def _refused(self, name: str, wanted: str) -> InputError:
         value = getattr(self, name)

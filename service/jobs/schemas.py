@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, field_validator
 
 from gcvec.hex_color import HEX_COLOR
-from gcvec.options import MOST_EFFORT, Options
+from gcvec.options import RANGES, Options
 from service.errors import ProblemView
 from worker.artifacts import EXPORTS, KINDS
 from worker.job import Job, Status
@@ -25,6 +25,14 @@ def whole(number: object) -> object:
     return int(number) if isinstance(number, float) and number.is_integer() else number
 
 
+def told_range(option: str) -> dict[str, Any]:
+    """What the interface description says of the numbers an option may be, which the engine checks."""
+    least, most, ends = RANGES[option]
+    return (
+        {"minimum": least, "maximum": most} if ends else {"exclusiveMinimum": least, "exclusiveMaximum": most}
+    )
+
+
 Count = Annotated[int, BeforeValidator(whole)]
 
 
@@ -38,20 +46,39 @@ class JobOptions(BaseModel):
         description="how interior control points are placed: batch is fast, paper as published",
     )
     target_mse: float = Field(
-        Options.target_mse, description="mean squared error (0-255 scale) at which refinement stops"
+        Options.target_mse,
+        description="mean squared error (0-255 scale) at which refinement stops",
+        json_schema_extra=told_range("target_mse"),
     )
     max_points: Count = Field(
-        Options.max_points, description="most interior control points of one region; 0: no limit"
+        Options.max_points,
+        description="most interior control points of one region; 0: no limit",
+        json_schema_extra=told_range("max_points"),
     )
-    workers: Count = Field(Options.workers, description="threads; 0: as many as the server grants")
-    regions: Count = Field(Options.regions, description="automatic regions wanted; 0: the picture decides")
+    workers: Count = Field(
+        Options.workers,
+        description="threads; 0: as many as the server grants",
+        json_schema_extra=told_range("workers"),
+    )
+    regions: Count = Field(
+        Options.regions,
+        description="automatic regions wanted; 0: the picture decides",
+        json_schema_extra=told_range("regions"),
+    )
     snap: float = Field(
-        Options.snap, description="pixels that annotated borders may move onto edges; 0: only made smooth"
+        Options.snap,
+        description="pixels that annotated borders may move onto edges; 0: only made smooth",
+        json_schema_extra=told_range("snap"),
     )
-    effort: Count = Field(Options.effort, description=f"1 to {MOST_EFFORT}: time to spend on a smaller file")
+    effort: Count = Field(
+        Options.effort,
+        description="time to spend on a smaller file",
+        json_schema_extra=told_range("effort"),
+    )
     target_bytes: Count = Field(
         Options.target_bytes,
         description="largest file; the error is as small as it allows; 0: target_mse decides",
+        json_schema_extra=told_range("target_bytes"),
     )
     image_name: Name | None = Field(
         None, description="the picture's name in an annotation file of several; default: its file name"

@@ -33,6 +33,23 @@ def test_a_value_of_another_kind_is_refused_by_name(name: str, value: Any) -> No
     assert repr(value) in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "wanted"),
+    [
+        ("target_mse", 0, "be above 0 and below 65025"),
+        ("target_mse", float("nan"), "be above 0 and below 65025"),
+        ("snap", 20.5, "lie between 0 and 20"),
+        ("effort", 0, "lie between 1 and 9"),
+        ("regions", -1, "lie between 0 and 2147483647"),
+    ],
+)
+def test_a_number_out_of_range_is_refused_with_the_range(name: str, value: float, wanted: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Options(**{name: value})
+    assert str(refused.value) == f"{name} must {wanted}, not {value!r}"
+    assert (refused.value.code, refused.value.pointer) == ("bad-option", name)
+
+
 def test_numbers_of_numpy_are_numbers() -> None:
     options = Options(
         target_mse=np.float32(7.5), snap=np.int64(2), max_points=np.uint16(9), effort=np.int8(3)
