@@ -143,6 +143,7 @@ async def watch_job(
 @router.delete(
     "/{job_id}",
     status_code=204,
+    response_class=Response,  # of no type: there is no content
     summary="Cancel or delete a job",
     responses=documented(401, 403, 404, 410, 422, 429, 503),
 )
