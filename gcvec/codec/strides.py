@@ -19,8 +19,9 @@ from gcvec.patches.canonical import Canvas
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-COARSEST_STRIDE = 96
-"""Strides are 1 to this. All numbers here are part of the format: others make other files."""
+COARSEST_STRIDE, COARSEST_BOUNDARY_STRIDE = 96, 64
+"""Strides are 1 to the first, those of boundary colours to the second: errors along edges are seen. All
+numbers here are part of the format: others make other files."""
 
 FIRST_STRIDE = 2
 """The first boundary colour of a patch has no larger one: what predicts all others of a flat patch is to be
@@ -53,7 +54,10 @@ class Strides(NamedTuple):
 def strides(canvas: Canvas) -> Strides:
     """Those of the colours of a canvas."""
     areas, n_boundary = _areas(canvas), canvas.foundation.space.size
-    return Strides(_strides(areas[:n_boundary] // _BOUNDARY_SHARE), _strides(areas[n_boundary:]))
+    return Strides(
+        _strides(areas[:n_boundary] // _BOUNDARY_SHARE, COARSEST_BOUNDARY_STRIDE),
+        _strides(areas[n_boundary:], COARSEST_STRIDE),
+    )
 
 
 def crowds_by_stride(strides: Ints) -> Ints:
@@ -61,9 +65,9 @@ def crowds_by_stride(strides: Ints) -> Ints:
     return np.minimum(strides, MOST_CROWDED)
 
 
-def _strides(areas: Ints) -> Ints:
+def _strides(areas: Ints, coarsest: int) -> Ints:
     coarse = FRACTION * np.sqrt(USUAL_AREA * _AREAS / np.maximum(areas, 1))
-    return np.clip(np.floor(coarse + 0.5), 1, COARSEST_STRIDE).astype(np.int64)
+    return np.clip(np.floor(coarse + 0.5), 1, coarsest).astype(np.int64)
 
 
 def _areas(canvas: Canvas) -> Ints:

@@ -39,7 +39,7 @@ MOST = 1.56
 """Rounding takes up to this many times what it is planned to: beyond, points get so many that refinement
 takes longer for next to no bytes."""
 
-LEAST_STEP, LARGEST_STEP = 1 / 8, 2.0
+LEAST_STEP, LARGEST_STEP = 1 / 8, 1.6
 """The usual step is no smaller than the first, levels of 255, and no larger than the second for each unit of
 the root of the target: where few colours make up a picture, errors of theirs would be seen."""
 

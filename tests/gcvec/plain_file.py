@@ -24,8 +24,8 @@ from tests.gcvec.plain_decoder import (
 Point = list[int]
 Color = list[int]
 
-COARSEST = 96
-"""The stride of what covers nothing."""
+COARSEST = 64
+"""The stride of boundary colours that cover nothing."""
 
 
 class PlainCurve(NamedTuple):
@@ -350,11 +350,12 @@ def plain_strides(curves: Sequence[PlainCurve], mesh: PlainMesh) -> dict[Hashabl
             shares = [(unknowns[(first + k) % len(unknowns)], weight) for k, weight in enumerate(weights)]
         for unknown, weight in shares:
             covered[unknown] = covered.get(unknown, 0) + math.floor(weight * area + 0.5)
-    found = {unknown: area // 2 for unknown, area in covered.items()} | inside
-    return {
-        unknown: min(max(math.floor(16 * math.sqrt(16384 / max(area, 1)) + 0.5), 1), COARSEST)
-        for unknown, area in found.items()
-    }
+
+    def stride(area: int, coarsest: int) -> int:
+        return min(max(math.floor(16 * math.sqrt(16384 / max(area, 1)) + 0.5), 1), coarsest)
+
+    on_boundary = {unknown: stride(area // 2, COARSEST) for unknown, area in covered.items()}
+    return on_boundary | {v: stride(area, 96) for v, area in inside.items()}
 
 
 def spline_weights(curve: PlainCurve, u: float) -> tuple[int, list[float]]:

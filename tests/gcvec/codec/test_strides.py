@@ -12,7 +12,13 @@ from skimage import data
 from gcvec import Options, VectorImage, vectorize
 from gcvec.codec.colors import FRACTION
 from gcvec.codec.former import former_crowds
-from gcvec.codec.strides import COARSEST_STRIDE, USUAL_AREA, crowds_by_stride, strides
+from gcvec.codec.strides import (
+    COARSEST_BOUNDARY_STRIDE,
+    COARSEST_STRIDE,
+    USUAL_AREA,
+    crowds_by_stride,
+    strides,
+)
 from gcvec.raster.coverage import Coverage
 
 Floats = NDArray[np.float64]
@@ -49,11 +55,12 @@ def test_rounding_adds_about_the_same_by_every_point() -> None:
 
 
 def test_boundary_colors_add_about_as_much_as_points() -> None:
+    """Within a factor of two: their blending functions have many shapes."""
     image = photo()
     stride = strides(image.canvas).boundary
-    used = stride < COARSEST_STRIDE
+    used = stride < COARSEST_BOUNDARY_STRIDE
     added = energies(image)[: len(stride)][used] * (stride[used] / FRACTION) ** 2
-    assert np.median(added) == pytest.approx(8.8, rel=0.5)
+    assert 8.8 / 2 < np.median(added) < 8.8 * 2
     assert spread(added) < 0.75 * spread(energies(image)[: len(stride)][used])
 
 
