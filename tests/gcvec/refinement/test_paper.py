@@ -130,7 +130,8 @@ def test_the_first_point_is_the_worst_pixel_that_can_be_one() -> None:
             y, x = np.divmod(pixel, WIDTH)
             if can_be_a_point(foundation, domain[y, x], region):
                 break
-        np.testing.assert_array_equal(domain[y, x], point)
+        as_bad = domain[(owner == region) & np.isclose(square, square[y, x], rtol=1e-9)]
+        assert point.tolist() in as_bad.tolist()
 
 
 def can_be_a_point(foundation: Foundation, place: np.ndarray, region: int) -> bool:
