@@ -25,6 +25,7 @@ from gcvec.codec.boundary_colors import (
     code_boundary_colors,
 )
 from gcvec.codec.colors import FRACTION, from_coordinates, to_coordinates
+from gcvec.codec.echo import echo_of, silence
 from gcvec.codec.former import FORMER_NEIGHBORS, NOT_ALONG, even_strides, former_crowds
 from gcvec.codec.geometry import GEOMETRY_COUNTERS, GEOMETRY_INPUTS, GEOMETRY_ROWS, code_geometry
 from gcvec.codec.integers import LONGEST, SEQUENCE_COUNTERS, SEQUENCE_INPUTS, SEQUENCE_ROWS, code_sequence
@@ -51,6 +52,7 @@ from gcvec.codec.topology import (
     TOPOLOGY_ROWS,
     code_topology,
 )
+from gcvec.colors.color_fit import ColorFit
 from gcvec.curves.loops import network_loops
 from gcvec.curves.network import Curve, Network, straight_line
 from gcvec.errors import InputError
@@ -88,9 +90,13 @@ def encode(image: VectorImage) -> bytes:
     return encode_rounded(image)[0]
 
 
-def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
+def encode_rounded(image: VectorImage, fit: ColorFit | None = None) -> tuple[bytes, Floats, Floats]:
     """The file of a vector image, and its boundary and point colours as a decoder will see them: those of
-    before where patches were recoloured."""
+    before where patches were recoloured.
+
+    Colours are rounded so that they make up for each other in the picture they are a `fit` to, if it is
+    given.
+    """
     recoloring = image.recoloring
     if recoloring:
         image = recoloring.original
@@ -99,7 +105,7 @@ def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
         coder = range_coder.writer(capacity)
         boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
         n_text, n_points = _write(
-            coder, image, boundary_colors, point_colors, recoloring.shifts if recoloring else None
+            coder, image, boundary_colors, point_colors, recoloring.shifts if recoloring else None, fit
         )
         stream = range_coder.finish(coder)
         if stream is not None:
@@ -108,13 +114,13 @@ def encode_rounded(image: VectorImage) -> tuple[bytes, Floats, Floats]:
         capacity *= 4
 
 
-def rounded_colors(image: VectorImage) -> tuple[Floats, Floats]:
-    """The boundary and point colours that a decoder of a vector image's file will see. Of one without
-    recoloured patches; the file is not made."""
+def rounded_colors(image: VectorImage, fit: ColorFit | None = None) -> tuple[Floats, Floats]:
+    """The boundary and point colours that a decoder of a vector image's file will see: see `encode_rounded`.
+    Of one without recoloured patches; the file is not made."""
     coder, steps = range_coder.rehearser(), image.quantization
     boundary_colors, point_colors = image.boundary_colors.copy(), image.point_colors.copy()
     _code_boundary(coder, image.foundation, steps, image.strides.boundary, boundary_colors)
-    _code_points(coder, image, _bitmap(image), boundary_colors, point_colors)
+    _code_points(coder, image, _bitmap(image), boundary_colors, point_colors, fit=fit)
     return boundary_colors, point_colors
 
 
@@ -141,9 +147,15 @@ def decode(data: bytes) -> VectorImage:
 
 
 def _write(
-    coder: Coder, image: VectorImage, boundary_colors: Floats, point_colors: Floats, shifts: Ints | None
+    coder: Coder,
+    image: VectorImage,
+    boundary_colors: Floats,
+    point_colors: Floats,
+    shifts: Ints | None,
+    fit: ColorFit | None,
 ) -> tuple[int, int]:
-    """Write everything, `shifts` `(p, 3)` of colours too; the colours become what a decoder sees.
+    """Write everything, `shifts` `(p, 3)` of colours too; the colours become what a decoder sees, rounded to
+    a `fit` if it is given.
 
     Returns how many bytes of labels, and how many curves and control points.
     """
@@ -170,7 +182,7 @@ def _write(
     occupied = _bitmap(image)
     _code_occupancy(coder, occupied)
     _code_boundary(coder, image.foundation, steps, image.strides.boundary, boundary_colors)
-    _code_points(coder, image, occupied, boundary_colors, point_colors)
+    _code_points(coder, image, occupied, boundary_colors, point_colors, fit=fit)
     if shifts is not None:
         _code_shifts(coder, shifts)
     return len(text), len(table) + len(reference) + len(image.points)
@@ -393,9 +405,10 @@ def _code_points(
     boundary_colors: Floats,
     colors: Floats,
     version: int = VERSION,
+    fit: ColorFit | None = None,
 ) -> None:
     """Write the interior colours, or read them; either way `colors` becomes what a decoder sees, as
-    `boundary_colors` are."""
+    `boundary_colors` are. They are rounded to a `fit` if it is given."""
     base = predicted_colors(image.foundation, boundary_colors, image.points)
     coordinates, step = np.zeros(colors.shape, np.int64), image.quantization.point
     patch = image.patch_of_points
@@ -408,6 +421,9 @@ def _code_points(
         strides, crowds = image.strides.points, crowds_by_stride(image.strides.points)
     else:
         strides, crowds = even_strides(0, len(image.points)).points, former_crowds(image.points, occupied)
+    echo = silence()
+    if fit is not None:
+        echo = echo_of(fit, boundary_colors - image.boundary_colors, len(colors), step)
     code_point_colors(
         coder,
         fresh_model(POINT_COUNTERS, POINT_ROWS, POINT_INPUTS),
@@ -418,6 +434,7 @@ def _code_points(
         along,
         strides,
         crowds,
+        echo,
         to_coordinates(colors - base, step),
         coordinates,
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gcvec.codec.blending import blend, lean, look_back, sum_up
 from gcvec.codec.colors import FRACTION, rounded
+from gcvec.codec.echo import Echo, add_to, heard
 from gcvec.codec.integers import NODES, code_integer, sign, size_class
 from gcvec.codec.mixing import Model, place_contexts
 from gcvec.codec.neighborhoods import Neighborhoods
@@ -83,6 +84,7 @@ def code_point_colors(
     along: Floats,
     strides: Ints,
     crowds: Ints,
+    echo: Echo,
     wanted: Floats,
     result: Ints,
 ) -> None:
@@ -91,7 +93,7 @@ def code_point_colors(
     Either way `result` `(n, 3)` becomes what a decoder sees, in sixteenths of a step. `patch` `(n,)` is the
     points' own, `occupied` `(h, w)` their bitmap, `around` their neighbourhoods, `along` the weights of
     points in averages along d directions, `strides` `(n,)` what differences count by, and `crowds` `(n,)`,
-    0 to 31, says how dense points are around each.
+    0 to 31, says how dense points are around each. A writer makes up for what it hears in the `echo`.
     """
     width, most, lanes = occupied.shape[1], around.near.shape[1], along.shape[2]
     closeness, leaning = np.zeros(most, np.int64), np.zeros((most, lanes))
@@ -130,11 +132,13 @@ def code_point_colors(
                 )
                 _choose_signs(model, axis, nearby, result, differences, i, stride, patch[i], prediction)
             row = axis * _AXIS_ROWS + min(size_class(activity[axis]) >> 2, _SELECTORS - 1) * NODES
-            offer = rounded((FRACTION * wanted[i, axis] - prediction) / stride, activity[axis] / 4)
+            wish = wanted[i, axis] - heard(echo, i, axis)
+            offer = rounded((FRACTION * wish - prediction) / stride, activity[axis] / 4)
             difference = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, row, offer)
             differences[i, axis] = stride * difference
             learn(gain[axis], power[axis], features, differences[i, axis] / FRACTION)
             result[i, axis] = min(max(prediction + differences[i, axis], -FURTHEST), FURTHEST)
+            add_to(echo, i, axis, result[i, axis] / FRACTION - wanted[i, axis])
             look_back(offers, result[i, axis] / FRACTION, errors[i], axis)
 
 

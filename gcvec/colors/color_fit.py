@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,11 @@ class ColorFit:
     operator: sparse.csr_array
     design: sparse.csr_array
     target: Floats
+
+    @cached_property
+    def columns(self) -> sparse.csc_array:
+        """B by columns: what each colour on the mesh gives to the pixels."""
+        return self.design.tocsc()
 
     @classmethod
     def to(cls, operator: sparse.csr_array, design: sparse.csr_array, truth: NDArray[np.float32]) -> ColorFit:

@@ -106,7 +106,8 @@ class _Rounds:
     @property
     def fair_aim(self) -> float:
         """The mean squared error to aim at (0-255 scale)."""
-        return Rounding(self._terms.target_mse, self._terms.axes).aim
+        density = (len(self._prior) + self.n_points) / (self._pixels.size / 3)
+        return Rounding(self._terms.target_mse, self._terms.axes).aim(density)
 
     @property
     def aim(self) -> float:

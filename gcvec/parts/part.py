@@ -38,8 +38,8 @@ def refine_part(
     network = request.network
     column, row = network.origin or (0, 0)
     frame = pixels[row : row + network.height, column : column + network.width]
-    rounding, goal = Rounding(request.target_mse, request.axes), told_mse(request.goal, frame.size)
-    fair_aim = rounding.aim
+    as_planned, rounding = (Rounding(request.target_mse, request.axes) for _ in range(2))
+    goal = told_mse(request.goal, frame.size)
     iterations: list[Iteration] = []
 
     def note(made: Iteration) -> None:
@@ -49,7 +49,7 @@ def refine_part(
     state = Refinement(
         Scene(frame, lay_foundation(network, request.hard), request.prior),
         Terms(request.target_mse, request.max_points),
-        lambda: goal * rounding.aim / fair_aim,
+        lambda density: goal * rounding.aim(density) / as_planned.aim(density),
         note,
         StageClock(),
         Start(request.points, request.colors, request.rounds),
@@ -58,7 +58,7 @@ def refine_part(
     state.compare_with(_wanted(state, request))
     state.begin()
     if not request.rounds:
-        state.seed(fair_aim)
+        state.seed(as_planned.aim(state.density))
     more = True
     for n, share in enumerate(request.shares, start=1):
         spare = min(state.spare, MOST_SPARE) if request.rounds else 0.0

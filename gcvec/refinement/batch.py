@@ -77,7 +77,7 @@ def refine_batch(
     `start` is there where the rounds up to the last exchange have been done.
     """
     rounding = Rounding(terms.target_mse, terms.axes)
-    state = Refinement(scene, terms, lambda: rounding.aim, on_iteration, clock, start)
+    state = Refinement(scene, terms, rounding.aim, on_iteration, clock, start)
     target_mse, effort = terms.target_mse, EFFORTS[terms.effort]
 
     def settled() -> Draft:
@@ -88,10 +88,10 @@ def refine_batch(
             image = image_of(state.canvas, state.points, state.colors, scene, planned)
 
             def mse_in(steps: Quantization) -> float:
-                return state.mse_as_drawn(np.concatenate(rounded_colors(image.in_steps(steps))))
+                return state.mse_as_drawn(np.concatenate(rounded_colors(image.in_steps(steps), state.fit)))
 
             steps = landing_steps(mse_in, planned, state.mse, cost, target_mse + state.lack)
-            found = drafted(image.in_steps(steps), scene)
+            found = drafted(image.in_steps(steps), scene, state.fit)
         rounding.learn(found.steps, state.density, state.mse, found.mse, state.lack)
         return found
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcvec.codec.file import encode_rounded
+from gcvec.colors.color_fit import ColorFit
 from gcvec.metrics import squared_error
 from gcvec.patches.canonical import Canvas
 from gcvec.quantization import Quantization
@@ -54,9 +55,9 @@ def image_of(canvas: Canvas, points: Ints, colors: Floats, scene: Scene, steps: 
     return image.knowing(canvas)
 
 
-def drafted(image: VectorImage, scene: Scene) -> Draft:
-    """The file for a vector image of a scene."""
-    data, boundary_colors, point_colors = encode_rounded(image)
+def drafted(image: VectorImage, scene: Scene, fit: ColorFit | None = None) -> Draft:
+    """The file for a vector image of a scene, rounded to a `fit` if it is given."""
+    data, boundary_colors, point_colors = encode_rounded(image, fit)
     rounded = replace(image, boundary_colors=boundary_colors, point_colors=point_colors)
     found = rounded.knowing(image.canvas, data)
     tried = np.bincount(found.patch_of_points, minlength=len(found.network.loops))

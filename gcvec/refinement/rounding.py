@@ -11,9 +11,9 @@ ENERGY = 8.8
 """What rounding a colour adds goes with its energy in the picture and the square of its step, and so is the
 same for all of them (`gcvec.codec.strides`): this is the energy of those that are stored in whole steps."""
 
-LOSS = 1.15
-"""Rounding colours as a file does costs about this much more than rounding to nearest, see its dead zone: the
-first guess, until a file has been made."""
+LOSS = 0.95
+"""Rounding colours as a file does costs about this many times what each for itself rounded to nearest would:
+they make up for each other, but there is a dead zone. The first guess, until a file has been made."""
 
 LEAST_LESSON = 0.1
 """What rounding is taken to cost falls no further than to this share when a file is looked at."""
@@ -71,10 +71,10 @@ class Rounding:
         levels = max(min(math.sqrt(spread), LARGEST_STEP * math.sqrt(self._target_mse)), LEAST_STEP)
         return Quantization.of_colors(levels / math.sqrt(PEAK_SQUARE))
 
-    @property
-    def aim(self) -> float:
+    def aim(self, density: float) -> float:
         """The error before rounding that leaves the target after it."""
-        return self._margin * max(self._target_mse - self._planned, LEAST_AIM * self._target_mse)
+        left = self._target_mse - self.cost(self.steps(density), density)
+        return self._margin * max(left, LEAST_AIM * self._target_mse)
 
     def weigh(self, rise: float) -> None:
         """Plan larger steps where points are cheap, as in textures.
@@ -92,7 +92,7 @@ class Rounding:
 
         `lack` is what no point can save of either.
         """
-        missed_by = (after - lack) / self._target_mse * self.aim / max(before - lack, 1e-9)
+        missed_by = (after - lack) / self._target_mse * self.aim(density) / max(before - lack, 1e-9)
         self._loss *= max((after - before) / self.cost(steps, density), LEAST_LESSON)
         if after - lack > self._target_mse:
             self._margin *= MORE_CAREFUL / max(missed_by, 1.0)

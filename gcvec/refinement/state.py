@@ -122,12 +122,13 @@ class Refinement:
         self,
         scene: Scene,
         terms: Terms,
-        aim: Callable[[], float],
+        aim: Callable[[float], float],
         on_iteration: Callable[[Iteration], None],
         clock: StageClock,
         start: Start | None = None,
     ) -> None:
-        """`aim` tells the mean squared error to come to. Without a `start` there are no points yet."""
+        """`aim` tells from the `density` the mean squared error to come to. Without a `start` there are no
+        points yet."""
         self.foundation = scene.foundation
         start = start or Start(np.zeros((0, 2), np.int64), scene.boundary_colors, 0)
         self.points, self.colors = start.points, start.colors
@@ -160,7 +161,7 @@ class Refinement:
     @property
     def aim(self) -> float:
         """The error to aim at before colours are rounded."""
-        return self._aim()
+        return self._aim(self.density)
 
     @property
     def density(self) -> float:

@@ -49,6 +49,7 @@ def test_what_has_happened_so_far_is_soon_drawn(browser: Browser, api: httpx.Cli
     with browser.page(900, 700) as page:
         page.open(f"{api.base_url}/v1/jobs/{job_id}/view")
         page.wait_for(f"document.getElementById('iteration').textContent === '{n_steps}'", 10)
+        page.wait_for("document.getElementById('errors').hasAttribute('d')")
         falling = heights(page)
         assert 250 <= len(falling) <= 301
         assert falling == sorted(falling)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gcvec.codec.blending import ALONG
 from gcvec.codec.colors import FRACTION
+from gcvec.codec.echo import silence
 from gcvec.codec.mixing import Model, fresh_model
 from gcvec.codec.neighborhoods import neighborhoods
 from gcvec.codec.point_colors import (
@@ -77,12 +78,14 @@ def test_coordinates_are_read_as_they_were_written(share: float) -> None:
     around = neighborhoods(points, patch, HEIGHT, WIDTH)
     coder = writer(100_000)
     code_point_colors(
-        coder, model(), points, patch, occupied, around, ALONG, strides, crowds, wanted, written
+        coder, model(), points, patch, occupied, around, ALONG, strides, crowds, silence(), wanted, written
     )
     data = finish(coder)
     assert data is not None
     coder, nothing = reader(data), np.zeros(wanted.shape)
-    code_point_colors(coder, model(), points, patch, occupied, around, ALONG, strides, crowds, nothing, read)
+    code_point_colors(
+        coder, model(), points, patch, occupied, around, ALONG, strides, crowds, silence(), nothing, read
+    )
     np.testing.assert_array_equal(read, written)
     assert overrun(coder) == 0
     off_by = np.abs(written - FRACTION * wanted) / strides[:, None]
@@ -97,7 +100,9 @@ def test_a_smooth_picture_costs_next_to_nothing() -> None:
     around = neighborhoods(points, patch, HEIGHT, WIDTH)
     strides = np.full(len(points), FRACTION)
     crowds = crowds_by_stride(strides)
-    code_point_colors(coder, model(), points, patch, occupied, around, ALONG, strides, crowds, wanted, result)
+    code_point_colors(
+        coder, model(), points, patch, occupied, around, ALONG, strides, crowds, silence(), wanted, result
+    )
     data = finish(coder)
     assert data is not None
     assert len(data) * 8 < 5 * len(points)

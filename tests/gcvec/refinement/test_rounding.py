@@ -70,12 +70,19 @@ def test_steps_have_bounds() -> None:
 def test_the_aim_leaves_room_for_rounding() -> None:
     rounding = fresh()
     cost = rounding.cost(rounding.steps(DENSITY), DENSITY)
-    assert rounding.aim + cost < TARGET
-    assert rounding.aim == pytest.approx(CAREFUL * (TARGET - cost), rel=0.01)
+    assert rounding.aim(DENSITY) + cost < TARGET
+    assert rounding.aim(DENSITY) == pytest.approx(CAREFUL * (TARGET - cost), rel=0.01)
+
+
+def test_the_aim_is_higher_where_steps_are_bounded() -> None:
+    """Then rounding adds less than is planned."""
+    few = 0.01
+    assert fresh().aim(few) == pytest.approx(CAREFUL * (TARGET - fresh().cost(fresh().steps(few), few)))
+    assert fresh().aim(few) > 1.1 * fresh().aim(DENSITY)
 
 
 def test_the_aim_never_falls_below_a_share_of_the_target() -> None:
-    assert Rounding(0.1).aim == pytest.approx(CAREFUL * LEAST_AIM * 0.1)
+    assert Rounding(0.1).aim(DENSITY) == pytest.approx(CAREFUL * LEAST_AIM * 0.1)
 
 
 def test_rounding_to_steps_is_expected_to_cost_as_many_times_more_as_it_did() -> None:
@@ -91,36 +98,40 @@ def test_a_file_that_cost_nothing_is_not_believed() -> None:
     assert rounding.cost(STEPS, DENSITY) - TO_BYTES == pytest.approx(LEAST_LESSON * (foreseen - TO_BYTES))
 
 
+NO_COLORS = 0.0
+"""As density: rounding adds what it adds to bytes, whatever is learnt of colours."""
+
+
 def test_a_target_that_was_kept_leaves_the_margin() -> None:
     rounding = fresh()
-    rounding.learn(STEPS, DENSITY, 4.0, TARGET, 0.0)
-    assert rounding.aim == fresh().aim
+    rounding.learn(STEPS, NO_COLORS, 4.0, TARGET, 0.0)
+    assert rounding.aim(NO_COLORS) == fresh().aim(NO_COLORS)
 
 
 def test_a_target_that_was_missed_makes_more_careful() -> None:
     """The next aim is lower, by what is missing beyond the error that was there before rounding."""
     rounding = fresh()
-    aim = rounding.aim
-    rounding.learn(STEPS, DENSITY, aim, 1.1 * TARGET, 0.0)
-    assert rounding.aim == pytest.approx(aim * MORE_CAREFUL / 1.1)
+    aim = rounding.aim(NO_COLORS)
+    rounding.learn(STEPS, NO_COLORS, aim, 1.1 * TARGET, 0.0)
+    assert rounding.aim(NO_COLORS) == pytest.approx(aim * MORE_CAREFUL / 1.1)
 
 
 def test_a_miss_that_came_of_too_high_an_error_is_not_the_aims_fault() -> None:
     """Before rounding the error was twice what was aimed at: that is no reason to aim lower."""
     rounding = fresh()
-    aim = rounding.aim
-    rounding.learn(STEPS, DENSITY, 2 * aim, 1.5 * TARGET, 0.0)
-    assert rounding.aim == pytest.approx(aim * MORE_CAREFUL)
+    aim = rounding.aim(NO_COLORS)
+    rounding.learn(STEPS, NO_COLORS, 2 * aim, 1.5 * TARGET, 0.0)
+    assert rounding.aim(NO_COLORS) == pytest.approx(aim * MORE_CAREFUL)
 
 
 def test_what_no_point_can_save_counts_neither_before_nor_after() -> None:
     one, other = fresh(), fresh()
-    one.learn(STEPS, DENSITY, 4.5, 5.5, 0.0)
-    other.learn(STEPS, DENSITY, 6.5, 7.5, 2.0)
-    assert one.aim == pytest.approx(other.aim)
+    one.learn(STEPS, NO_COLORS, 4.5, 5.5, 0.0)
+    other.learn(STEPS, NO_COLORS, 6.5, 7.5, 2.0)
+    assert one.aim(NO_COLORS) == pytest.approx(other.aim(NO_COLORS))
     kept = fresh()
-    kept.learn(STEPS, DENSITY, 4.0, TARGET + 2, 2.0)
-    assert kept.aim == fresh().aim
+    kept.learn(STEPS, NO_COLORS, 4.0, TARGET + 2, 2.0)
+    assert kept.aim(NO_COLORS) == fresh().aim(NO_COLORS)
 
 
 def weighed(rise: float) -> Rounding:
@@ -147,7 +158,7 @@ def test_where_points_are_cheap_steps_are_those_of_the_fewest_bytes() -> None:
     best = min(steps, key=total)
     assert planned.point_step < best.point_step < MOST**0.5 * planned.point_step
     assert weighed(rise).steps(DENSITY).point_step == pytest.approx(best.point_step, rel=0.07)
-    assert weighed(rise).aim < fresh().aim
+    assert weighed(rise).aim(DENSITY) < fresh().aim(DENSITY)
 
 
 def test_steps_grow_no_further_than_points_can_follow() -> None:
@@ -157,5 +168,5 @@ def test_steps_grow_no_further_than_points_can_follow() -> None:
 
 def test_gray_pictures_take_larger_steps() -> None:
     gray, density = Rounding(TARGET, axes=1), 0.4
-    assert gray.aim == fresh().aim
+    assert gray.aim(density) == pytest.approx(fresh().aim(density), rel=1e-3)
     assert gray.steps(density).point == pytest.approx(3**0.5 * fresh().steps(density).point, rel=0.01)

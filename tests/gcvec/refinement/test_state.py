@@ -56,7 +56,7 @@ def state_of(
 ) -> Refinement:
     scene = Scene(photo() if pixels is None else pixels, FOUNDATION, np.full((N_BOUNDARY, 3), 0.5))
     terms = Terms(aim, max_points)
-    return Refinement(scene, terms, lambda: aim, on_iteration, StageClock(), start)
+    return Refinement(scene, terms, lambda _: aim, on_iteration, StageClock(), start)
 
 
 def begun(aim: float = 5.0, max_points: int = 0) -> Refinement:
