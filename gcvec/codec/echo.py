@@ -52,19 +52,29 @@ def echo_of(fit: ColorFit, off: Floats, n_points: int, step: float) -> Echo:
 
 
 @bare_kernel
-def heard(echo: Echo, i: int, axis: int) -> float:
-    """How much lower on an axis point i makes up best for what the picture is off by, in steps."""
-    total, energy = 0.0, 1e-12
-    if len(echo.error) > 0:
-        for e in range(echo.start[i], echo.start[i + 1]):
-            total += echo.weight[e] * echo.error[echo.pixel[e], axis]
-            energy += echo.weight[e] * echo.weight[e]
-    return total / energy
+def make_up(echo: Echo, i: int, wish: Floats) -> None:
+    """Change the coordinates wished for point i `(3,)`, in steps, by what makes up best for what the picture
+    is off by."""
+    if len(echo.error) == 0:
+        return
+    first, second, third, energy = 0.0, 0.0, 0.0, 1e-12
+    for e in range(echo.start[i], echo.start[i + 1]):
+        weight, pixel = echo.weight[e], echo.pixel[e]
+        first += weight * echo.error[pixel, 0]
+        second += weight * echo.error[pixel, 1]
+        third += weight * echo.error[pixel, 2]
+        energy += weight * weight
+    wish[0] -= first / energy
+    wish[1] -= second / energy
+    wish[2] -= third / energy
 
 
 @bare_kernel
-def add_to(echo: Echo, i: int, axis: int, off: float) -> None:
-    """Note that point i is `off` by so many steps on an axis."""
-    if len(echo.error) > 0:
-        for e in range(echo.start[i], echo.start[i + 1]):
-            echo.error[echo.pixel[e], axis] += echo.weight[e] * off
+def add_to(echo: Echo, i: int, off: Floats) -> None:
+    """Note that point i is off by so many steps along the axes `(3,)`."""
+    if len(echo.error) == 0:
+        return
+    for e in range(echo.start[i], echo.start[i + 1]):
+        weight, pixel = echo.weight[e], echo.pixel[e]
+        for axis in range(3):
+            echo.error[pixel, axis] += weight * off[axis]

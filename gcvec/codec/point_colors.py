@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gcvec.codec.blending import blend, lean, look_back, sum_up
 from gcvec.codec.colors import FRACTION, rounded
-from gcvec.codec.echo import Echo, add_to, heard
+from gcvec.codec.echo import Echo, add_to, make_up
 from gcvec.codec.integers import NODES, code_integer, sign, size_class
 from gcvec.codec.mixing import Model, place_contexts
 from gcvec.codec.neighborhoods import Neighborhoods
@@ -93,7 +93,7 @@ def code_point_colors(
     Either way `result` `(n, 3)` becomes what a decoder sees, in sixteenths of a step. `patch` `(n,)` is the
     points' own, `occupied` `(h, w)` their bitmap, `around` their neighbourhoods, `along` the weights of
     points in averages along d directions, `strides` `(n,)` what differences count by, and `crowds` `(n,)`,
-    0 to 31, says how dense points are around each. A writer makes up for what it hears in the `echo`.
+    0 to 31, says how dense points are around each. A writer makes up for the errors in the `echo`.
     """
     width, most, lanes = occupied.shape[1], around.near.shape[1], along.shape[2]
     closeness, leaning = np.zeros(most, np.int64), np.zeros((most, lanes))
@@ -101,7 +101,7 @@ def code_point_colors(
     sums = np.zeros(3 * (1 + lanes))
     differences = np.zeros(result.shape, np.int64)
     average, activity, spread = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3, np.int64)
-    features = np.zeros(_FEATURES + lanes)
+    features, wish, off = np.zeros(_FEATURES + lanes), np.zeros(3), np.zeros(3)
     gain, power = np.zeros((3, _FEATURES + lanes)), np.ones((3, _FEATURES + lanes))
     for i in range(len(points)):
         nearby = Surroundings(
@@ -123,6 +123,8 @@ def code_point_colors(
         x, y = points[i, 0], points[i, 1]
         pattern = _pattern(occupied, x, y)
         block = (y >> _BLOCK_BITS) * ((width >> _BLOCK_BITS) + 1) + (x >> _BLOCK_BITS)
+        wish[:] = wanted[i]
+        make_up(echo, i, wish)
         for axis in range(3):
             blended = blend(offers, sums, errors[i], total, axis)
             prediction = _predict(nearby, result, differences, i, axis, offers, blended, gain, features)
@@ -132,14 +134,14 @@ def code_point_colors(
                 )
                 _choose_signs(model, axis, nearby, result, differences, i, stride, patch[i], prediction)
             row = axis * _AXIS_ROWS + min(size_class(activity[axis]) >> 2, _SELECTORS - 1) * NODES
-            wish = wanted[i, axis] - heard(echo, i, axis)
-            offer = rounded((FRACTION * wish - prediction) / stride, activity[axis] / 4)
+            offer = rounded((FRACTION * wish[axis] - prediction) / stride, activity[axis] / 4)
             difference = code_integer(coder, model, _SIZE_CONTEXTS, _SIGN_CONTEXTS, row, offer)
             differences[i, axis] = stride * difference
             learn(gain[axis], power[axis], features, differences[i, axis] / FRACTION)
             result[i, axis] = min(max(prediction + differences[i, axis], -FURTHEST), FURTHEST)
-            add_to(echo, i, axis, result[i, axis] / FRACTION - wanted[i, axis])
+            off[axis] = result[i, axis] / FRACTION - wanted[i, axis]
             look_back(offers, result[i, axis] / FRACTION, errors[i], axis)
+        add_to(echo, i, off)
 
 
 @bare_kernel

@@ -21,7 +21,7 @@ AIM = 0.9985
 KEPT = 0.9999
 """An error of this share of the target is taken to keep it: a file's picture is computed more exactly."""
 
-WORTH = 1.01
+WORTH = 1.015
 """Steps that are larger by less than this factor are not worth another try."""
 
 MOST_TRIES = 6

@@ -11,7 +11,7 @@ ENERGY = 8.8
 """What rounding a colour adds goes with its energy in the picture and the square of its step, and so is the
 same for all of them (`gcvec.codec.strides`): this is the energy of those that are stored in whole steps."""
 
-LOSS = 0.95
+LOSS = 0.92
 """Rounding colours as a file does costs about this many times what each for itself rounded to nearest would:
 they make up for each other, but there is a dead zone. The first guess, until a file has been made."""
 
