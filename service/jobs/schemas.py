@@ -25,12 +25,12 @@ def whole(number: object) -> object:
     return int(number) if isinstance(number, float) and number.is_integer() else number
 
 
-def told_range(option: str) -> dict[str, Any]:
-    """What the interface description says of the numbers an option may be, which the engine checks."""
+def number(option: str, description: str) -> Any:
+    """The field of an option, with the engine's default and the range that it checks, which is told here."""
     least, most, ends = RANGES[option]
-    return (
-        {"minimum": least, "maximum": most} if ends else {"exclusiveMinimum": least, "exclusiveMaximum": most}
-    )
+    bounds = ("minimum", "maximum") if ends else ("exclusiveMinimum", "exclusiveMaximum")
+    told: dict[str, Any] = dict(zip(bounds, (least, most), strict=True))
+    return Field(getattr(Options, option), description=description, json_schema_extra=told)
 
 
 Count = Annotated[int, BeforeValidator(whole)]
@@ -45,40 +45,14 @@ class JobOptions(BaseModel):
         Options.strategy,
         description="how interior control points are placed: batch is fast, paper as published",
     )
-    target_mse: float = Field(
-        Options.target_mse,
-        description="mean squared error (0-255 scale) at which refinement stops",
-        json_schema_extra=told_range("target_mse"),
-    )
-    max_points: Count = Field(
-        Options.max_points,
-        description="most interior control points of one region; 0: no limit",
-        json_schema_extra=told_range("max_points"),
-    )
-    workers: Count = Field(
-        Options.workers,
-        description="threads; 0: as many as the server grants",
-        json_schema_extra=told_range("workers"),
-    )
-    regions: Count = Field(
-        Options.regions,
-        description="automatic regions wanted; 0: the picture decides",
-        json_schema_extra=told_range("regions"),
-    )
-    snap: float = Field(
-        Options.snap,
-        description="pixels that annotated borders may move onto edges; 0: only made smooth",
-        json_schema_extra=told_range("snap"),
-    )
-    effort: Count = Field(
-        Options.effort,
-        description="time to spend on a smaller file",
-        json_schema_extra=told_range("effort"),
-    )
-    target_bytes: Count = Field(
-        Options.target_bytes,
-        description="largest file; the error is as small as it allows; 0: target_mse decides",
-        json_schema_extra=told_range("target_bytes"),
+    target_mse: float = number("target_mse", "mean squared error (0-255 scale) at which refinement stops")
+    max_points: Count = number("max_points", "most interior control points of one region; 0: no limit")
+    workers: Count = number("workers", "threads; 0: as many as the server grants")
+    regions: Count = number("regions", "automatic regions wanted; 0: the picture decides")
+    snap: float = number("snap", "pixels that annotated borders may move onto edges; 0: only made smooth")
+    effort: Count = number("effort", "time to spend on a smaller file")
+    target_bytes: Count = number(
+        "target_bytes", "largest file; the error is as small as it allows; 0: target_mse decides"
     )
     image_name: Name | None = Field(
         None, description="the picture's name in an annotation file of several; default: its file name"
