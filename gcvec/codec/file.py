@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,8 +219,9 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     demand(_fills_frame(foundation), "curves that do not fit together")
     boundary_colors = np.zeros((foundation.space.size, 3))
     if version < FIRST_WEIGHED:
-        whole = even_strides(foundation.space.size, 0).boundary
-        _code_boundary(coder, foundation, steps, whole, boundary_colors, FRACTION)
+        _code_boundary(
+            coder, foundation, steps, even_strides(len(boundary_colors)), boundary_colors, FRACTION
+        )
         _check_whole(coder)
     occupied = np.zeros((height, width), np.uint8)
     _code_occupancy(coder, occupied)
@@ -240,7 +241,8 @@ def _read(coder: Coder, version: int, length: int) -> VectorImage:
     _check_whole(coder)
     if version < FIRST_WEIGHED:
         # No colour is to become coarser in the file of an edited picture.
-        image = image.in_steps(steps.scaled(FRACTION / COARSEST_STRIDE))
+        finer = steps.scaled(FRACTION / COARSEST_STRIDE)
+        image = replace(image, quantization=finer).knowing(canvas)
     if not edits & RECOLORED:
         return image
     shifts = np.zeros((n_patches, 3), np.int64)
@@ -420,7 +422,7 @@ def _code_points(
     if version >= FIRST_WEIGHED:
         strides, crowds = image.strides.points, crowds_by_stride(image.strides.points)
     else:
-        strides, crowds = even_strides(0, len(image.points)).points, former_crowds(image.points, occupied)
+        strides, crowds = even_strides(len(image.points)), former_crowds(image.points, occupied)
     echo = silence()
     if fit is not None:
         echo = echo_of(fit, boundary_colors - image.boundary_colors, len(colors), step)

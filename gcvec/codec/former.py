@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from gcvec.codec.blending import ALONG
 from gcvec.codec.colors import FRACTION
-from gcvec.codec.strides import Strides
 from gcvec.kernels import kernel
 
 Ints = NDArray[np.int64]
@@ -22,9 +21,9 @@ _REACH = 3
 """Points within so many rows and columns told how dense they are, before version 7."""
 
 
-def even_strides(n_boundary: int, n_points: int) -> Strides:
-    """Strides of colours that are all stored in whole steps, as before version 7."""
-    return Strides(np.full(n_boundary, FRACTION), np.full(n_points, FRACTION))
+def even_strides(n: int) -> Ints:
+    """Strides `(n,)` of colours that are all stored in whole steps, as before version 7."""
+    return np.full(n, FRACTION)
 
 
 @kernel

@@ -14,9 +14,9 @@ from gcvec.parts.division import divided, part_of
 from gcvec.parts.goals import common_goals
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.parts.shared import shared_pixels
-from gcvec.refinement.batch import LITTLE, exchanges
+from gcvec.refinement.batch import exchanges
 from gcvec.refinement.draft import by_rows
-from gcvec.refinement.rounding import Rounding
+from gcvec.refinement.rounding import Rounding, lacks_little
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import LEAST_CHANGE
 
@@ -96,7 +96,11 @@ class _Rounds:
     @property
     def open_square(self) -> float:
         """What more points could still lower of it: without what regions lack that are full."""
-        return self.square - sum(state.lack for state in self._states)
+        return self.square - self._lack
+
+    @property
+    def _lack(self) -> float:
+        return sum(state.lack for state in self._states)
 
     @property
     def more(self) -> bool:
@@ -127,7 +131,7 @@ class _Rounds:
     @property
     def rise(self) -> float:
         """See `Refinement`: of all parts together, 0 where points are lacking, which are not cheap then."""
-        if sum(state.lack for state in self._states) > LITTLE * self.aim:
+        if not lacks_little(self._lack, self.aim):
             return 0.0
         squares = np.array([state.square for state in self._states])
         rises = np.array([state.rise for state in self._states])
@@ -189,7 +193,7 @@ class _Rounds:
         order = by_rows(points)
         boundary = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], self._prior)
         colors = np.concatenate([boundary, np.concatenate(inner)[order]])
-        lack = told_mse(sum(state.lack for state in self._states), self._pixels.size)
+        lack = told_mse(self._lack, self._pixels.size)
         return Start(points[order], colors, self._done, lack, self.rise)
 
 

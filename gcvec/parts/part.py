@@ -11,8 +11,7 @@ from gcvec.colors.color_fit import ColorFit
 from gcvec.error_scale import PEAK_SQUARE, told_mse
 from gcvec.parts.messages import PartRequest, PartResult
 from gcvec.patches.canonical import lay_foundation
-from gcvec.refinement.batch import LITTLE
-from gcvec.refinement.rounding import Rounding
+from gcvec.refinement.rounding import Rounding, lacks_little
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
@@ -63,7 +62,7 @@ def refine_part(
     for n, share in enumerate(request.shares, start=1):
         spare = min(state.spare, MOST_SPARE) if request.rounds else 0.0
         more = state.exchange(max(share, spare if spare > LEAST_SPARE else 0.0))
-        if n == 1 < len(request.shares) and state.lack <= LITTLE * state.aim:
+        if n == 1 < len(request.shares) and lacks_little(state.lack, state.aim):
             rounding.weigh(state.rise)
     return _result(request.number, state, iterations, more)
 

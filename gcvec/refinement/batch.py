@@ -16,7 +16,7 @@ from gcvec.codec.file import rounded_colors
 from gcvec.quantization import Quantization
 from gcvec.refinement.draft import Draft, drafted, image_of
 from gcvec.refinement.landing import landing_steps
-from gcvec.refinement.rounding import Rounding
+from gcvec.refinement.rounding import Rounding, lacks_little
 from gcvec.refinement.scene import Iteration, Scene, Start, Terms
 from gcvec.refinement.state import FEW, GROWTH, LEAST_SPARE, Refinement
 from gcvec.timing import StageClock
@@ -28,9 +28,6 @@ with little effort none."""
 BARE = 2.0
 """A file without points is tried first where the error, before its colours have converged, is at most this
 many times the target: seeds would overshoot."""
-
-LITTLE = 0.3
-"""A share of the aim: where regions lack no more than that, larger steps of colours can be made up for."""
 
 RETRIES = 4
 """How often points are added again to a picture that no steps bring to its target."""
@@ -110,7 +107,7 @@ def refine_batch(
                 state.left = len(shares) - n
                 more = state.exchange(share)
                 # Where points are lacking, they are not cheap.
-                if not weighed and n < len(shares) and state.lack <= LITTLE * state.aim:
+                if not weighed and n < len(shares) and lacks_little(state.lack, state.aim):
                     rounding.weigh(state.rise)
                     weighed = True
     else:

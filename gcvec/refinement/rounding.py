@@ -39,9 +39,17 @@ MOST = 1.56
 """Rounding takes up to this many times what it is planned to: beyond, points get so many that refinement
 takes longer for next to no bytes."""
 
+LITTLE = 0.3
+"""A share of the aim: where regions lack no more than that, larger steps of colours can be made up for."""
+
 LEAST_STEP, LARGEST_STEP = 1 / 8, 1.6
 """The usual step is no smaller than the first, levels of 255, and no larger than the second for each unit of
 the root of the target: where few colours make up a picture, errors of theirs would be seen."""
+
+
+def lacks_little(lack: float, aim: float) -> bool:
+    """Whether a picture that aims at so much, of which regions lack so much, may have larger steps."""
+    return lack <= LITTLE * aim
 
 
 class Rounding:

@@ -24,6 +24,7 @@ from tests.servers import in_background
 from tests.service.in_process import Jobs, serving
 from tests.uploads import cvat, png
 from worker import storage
+from worker.job import Job
 from worker.problems import problem
 from worker.records import JobRecords
 from worker.settings import Settings
@@ -156,10 +157,9 @@ def test_no_file_of_the_users_is_written_over(
     ("picture", "regions", "of_stdin"), [("-", "own.xml", "photo.png"), ("photo.png", "-", "own.xml")]
 )
 def test_stdin_is_sent_as_a_file_is(
-    api: httpx.Client,
     settings: Settings,
     folder: Path,
-    meanwhile: Callable[..., None],
+    sent: Callable[..., Job],
     monkeypatch: pytest.MonkeyPatch,
     picture: str,
     regions: str,
@@ -167,16 +167,11 @@ def test_stdin_is_sent_as_a_file_is(
 ) -> None:
     (folder / "own.xml").write_bytes(cvat("photo.png"))
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO((folder / of_stdin).read_bytes())))
-    monkeypatch.setattr(JobRepository, "find", nowhere)
-    meanwhile(interrupt)
-    assert run(["submit", picture, "-a", regions, "--url", str(api.base_url), "-o", "out"]) == 130
-    job_id = job_of(settings)
-    job = JobRecords(client_of(settings.broker_url)).get(job_id)
-    assert job is not None
+    job = sent(picture, "-a", regions)
     assert job.request["picture_name"] == picture
     store = storage.open_store(settings.storage)
-    assert storage.read(store, storage.image_path(job_id)) == (folder / "photo.png").read_bytes()
-    assert storage.read(store, storage.annotations_path(job_id)) == (folder / "own.xml").read_bytes()
+    assert storage.read(store, storage.image_path(job.id)) == (folder / "photo.png").read_bytes()
+    assert storage.read(store, storage.annotations_path(job.id)) == (folder / "own.xml").read_bytes()
 
 
 def test_what_is_wrong_with_stdin_is_named_so(
@@ -203,10 +198,8 @@ def test_an_option_that_has_no_effect_is_named(folder: Path, capsys: pytest.Capt
     ],
 )
 def test_folders_tell_images_of_one_name_apart_and_stay_at_home(
-    api: httpx.Client,
-    settings: Settings,
     folder: Path,
-    meanwhile: Callable[..., None],
+    sent: Callable[..., Job],
     monkeypatch: pytest.MonkeyPatch,
     picture: str,
     arguments: list[str],
@@ -218,12 +211,7 @@ def test_folders_tell_images_of_one_name_apart_and_stay_at_home(
         (folder / name).mkdir()
         (folder / name / "photo.png").write_bytes(png())
     monkeypatch.chdir(folder / "test")
-    monkeypatch.setattr(JobRepository, "find", nowhere)
-    meanwhile(interrupt)
-    command = ["submit", picture, "-a", "../all.xml", *arguments, "--url", str(api.base_url), "-o", "out"]
-    assert run(command) == 130
-    job = JobRecords(client_of(settings.broker_url)).get(job_of(settings))
-    assert job is not None
+    job = sent(picture, "-a", "../all.xml", *arguments)
     assert job.request["image_name"] == image_name
     assert job.request["picture_name"] == Path(picture).name
 
@@ -248,6 +236,26 @@ def test_a_name_that_is_no_text_is_sent_as_one(api: httpx.Client, settings: Sett
 def meanwhile(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[float], None]], None]:
     """Have something done where the client would pause for so many seconds."""
     return lambda step: monkeypatch.setattr(client, "time", SimpleNamespace(sleep=step))
+
+
+@pytest.fixture
+def sent(
+    api: httpx.Client,
+    settings: Settings,
+    meanwhile: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Callable[..., Job]:
+    """Submit with some arguments, without waiting for the end; the job that was made of it."""
+
+    def submit(*arguments: str) -> Job:
+        monkeypatch.setattr(JobRepository, "find", nowhere)
+        meanwhile(interrupt)
+        assert run(["submit", *arguments, "--url", str(api.base_url), "-o", "out"]) == 130
+        job = JobRecords(client_of(settings.broker_url)).get(job_of(settings))
+        assert job is not None
+        return job
+
+    return submit
 
 
 async def nowhere(*_: object) -> NoReturn:
@@ -312,9 +320,6 @@ def test_who_interrupts_learns_where_the_job_is(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def interrupt(_: float) -> NoReturn:
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(JobRepository, "find", nowhere)
     meanwhile(interrupt)
     line = said(capsys, str(api.base_url), "photo.png", code=130)
